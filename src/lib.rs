@@ -36,6 +36,8 @@
 //! * what is remembered of a touching contact is state that moves and is saved with its particles;
 //!   what is remembered of a pair that does not touch never changes a result.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub use dem_grains::{
     cell, contact, files, ids, lanes, math, motion, pairs, particles, random, search, shape, text,
     timing,
@@ -55,6 +57,7 @@ pub mod drive;
 
 pub mod output;
 
+#[allow(clippy::disallowed_methods, reason = "no particle moves by what is computed here")]
 pub mod post;
 pub mod sim;
 

@@ -76,8 +76,8 @@ pub(crate) fn header(step: u64) -> Header {
                 volume: n.next(),
                 mass: n.next(),
                 inertia: n.vector(),
-                scales: Some([n.next(), n.next()]),
-                most: Some(n.next()),
+                scales: [n.next(), n.next()],
+                most: n.next(),
                 geometry: Some(Shape::Sphere(Sphere { radius: n.next() })),
             })
             .to_vec(),

@@ -8,6 +8,7 @@ mod linked;
 mod memory;
 mod misled;
 mod opened;
+mod other_machines;
 mod process;
 mod queued;
 mod ready;

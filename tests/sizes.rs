@@ -697,7 +697,7 @@ fn sizes_of_a_start_count_as_those_of_the_scene() {
     threads::run(2, |comm| save(&begun(&first, comm), &snapshots, &first, comm));
     let reader = snapshot::Reader::open(&snapshots).unwrap();
     assert_eq!(reader.sizes().unwrap()[0].unwrap().0, [0.4, 1.0]);
-    assert_eq!(reader.header().shapes[0].scales, Some([0.4, 1.0]));
+    assert_eq!(reader.header().shapes[0].scales, [0.4, 1.0]);
 
     let limit = |radius: f64| {
         let mass = 2500.0 * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
@@ -803,27 +803,6 @@ fn a_stage_goes_on_with_the_sizes_of_grains_that_have_left() {
     let next = Scene::read(&file, &[format!("start={}", own.display())]).unwrap();
     assert_eq!(next.library.scales[0], [1.0, 2.0]);
     assert!(next.dt > stage.dt && next.skin < stage.skin, "{} {}", next.dt, next.skin);
-}
-
-/// A file from before such sizes were kept goes on with those of the grains that are there.
-#[test]
-fn a_snapshot_without_the_sizes_of_its_stage_goes_on() {
-    let folder = tempfile::tempdir().unwrap();
-    let [first, file] = cubes_on_a_sheet(folder.path());
-    let stage = Scene::read(&file, &[]).unwrap();
-    let own = folder.path().join("own");
-    threads::run(2, |comm| {
-        let sim = at_step(60, &stage, &first, Continuation::NewStage, comm);
-        let older = |header: &mut Header| header.shapes[0].scales = None;
-        save_with(&sim, &own, &stage, older, comm);
-    });
-    assert_eq!(snapshot::Reader::open(&own).unwrap().header().shapes[0].scales, None);
-    let again = Scene::read_to_go_on(&file, &[], &own).unwrap();
-    assert_eq!(again.library.scales[0], [1.0, 2.0]);
-    let owned = threads::run(3, |comm| {
-        at_step(100, &again, &own, Continuation::SameStage, comm).particles.owned
-    });
-    assert_eq!(owned.iter().sum::<usize>(), 3);
 }
 
 // --- the scene ---

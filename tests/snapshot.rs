@@ -5,11 +5,10 @@ use crate::support::below;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::StateColumn;
-use dem_mpi::drive::{SavedColumn, SavedState, Values, rain};
+use dem_mpi::drive::{SavedColumn, SavedState, Values};
 use dem_mpi::ids::GlobalId;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::SnapshotError;
-use dem_mpi::output::hdf5::{Column, SnapshotFile};
 use dem_mpi::output::header::{Header, ShapeRow};
 use dem_mpi::output::order::{Order, Shares};
 use dem_mpi::output::seal::checksum;
@@ -216,90 +215,6 @@ fn geometries_keep_their_bits() {
         // Digits that are printed are those that tell a number from all others.
         assert_eq!(format!("{:?}", found.shapes), format!("{:?}", header.shapes));
     }
-}
-
-/// A file without particles as older versions wrote it, with these numbers beside the step; without any if it is from before
-/// velocities were those of the positions.
-fn older(path: &Path, numbers: &[(&str, u64)]) {
-    let mut comm = Alone::default();
-    let mut file = SnapshotFile::create(path, 0, &mut comm).unwrap();
-    for group in [
-        "/VTKHDF",
-        "/VTKHDF/PointData",
-        "/restart",
-        "/restart/contacts",
-        "/walls",
-        "/shapes",
-        "/run",
-        "/domain",
-    ] {
-        file.group(group).unwrap();
-    }
-    if !numbers.is_empty() {
-        file.text("/run", "velocities", "at the time of the positions").unwrap();
-        for (name, number) in numbers {
-            file.numbers("/run", name, &[*number]).unwrap();
-        }
-        for name in ["time", "dt", "stage_begin_time"] {
-            file.numbers("/run", name, &[1e-5]).unwrap();
-        }
-        for (group, name) in [("/run", "gravity"), ("/domain", "low"), ("/domain", "high")] {
-            file.numbers(group, name, &[0.0, 1.0, 2.0]).unwrap();
-        }
-        file.numbers("/domain", "periodic", &[0_u8; 3]).unwrap();
-        let column = |place| Column { place, width: 1, unit: "" };
-        for place in ["/run/scene", "/shapes/kind", "/shapes/geometry"] {
-            file.texts(&column(place), &["null"]).unwrap();
-        }
-        for (place, width) in [
-            ("/shapes/volume", 1),
-            ("/shapes/mass", 1),
-            ("/shapes/semi_axes", 3),
-            ("/shapes/inertia", 3),
-        ] {
-            file.table(&Column { width, ..column(place) }, &vec![1.0; width]).unwrap();
-        }
-    }
-    let column = |place, width| Column { place, width, unit: "" };
-    for place in ["/VTKHDF/PointData/id", "/restart/contacts/a"] {
-        file.rows::<i64>(&column(place, 1), &[]).unwrap();
-    }
-    file.rows::<f64>(&column("/VTKHDF/Points", 3), &[]).unwrap();
-    for place in ["/walls/point", "/walls/normal", "/walls/velocity", "/walls/force"] {
-        file.table::<f64>(&column(place, 3), &[]).unwrap();
-    }
-    file.texts(&column("/walls/name", 1), &[]).unwrap();
-    file.texts(&column("/shapes/name", 1), &["ball"]).unwrap();
-    file.close().unwrap();
-}
-
-#[test]
-fn a_snapshot_of_an_older_version_is_named() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("particles_000000001.vtkhdf");
-    let whole = [("step", 1), ("stage_begin_step", 0), ("next_id", 9), ("layers_fallen", 2)];
-    for (numbers, expected) in [(&[][..], "/run/velocities"), (&whole, "/run/particles_fallen")] {
-        older(&path, numbers);
-        let error = Reader::open(&path).err().unwrap();
-        let SnapshotError::Older { lacks, .. } = &error else { panic!("{error}") };
-        assert_eq!(lacks, expected);
-        assert!(error.to_string().contains("run its scene again"), "{error}");
-    }
-}
-
-/// Rain that had fallen stood beside the step.
-#[test]
-fn rain_of_an_older_snapshot_is_read() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("particles_000000001.vtkhdf");
-    let numbers = [("step", 1), ("stage_begin_step", 0), ("next_id", 9), ("layers_fallen", 2)];
-    older(&path, &[&numbers[..], &[("particles_fallen", 70)]].concat());
-    let header = Reader::open(&path).unwrap().header().clone();
-    assert_eq!(header.drives, [rain::saved(70)]);
-    assert_eq!(header.shapes[0].scales, None, "it was not kept");
-    // Without rain.
-    older(&path, &[&numbers[..3], &[("layers_fallen", 0)]].concat());
-    assert_eq!(Reader::open(&path).unwrap().header().drives, []);
 }
 
 #[test]

@@ -4,6 +4,8 @@
 //!
 //! [`dem-mpi`]: ../dem_mpi/index.html
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod files;
 pub mod ids;
 pub mod lanes;

@@ -33,6 +33,17 @@ pub fn rotation_about(axis: &Vec3, angle: f64) -> Quat {
     Quat::new_unchecked(nalgebra::Quaternion::from_parts(cosine, axis * sine))
 }
 
+/// 1,026 unit vectors that cover the sphere evenly: spherical Fibonacci points.
+pub fn directions() -> impl Iterator<Item = Vec3> {
+    const COUNT: u32 = 1026;
+    (0..COUNT).map(|i| {
+        let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(COUNT);
+        let (sine, cosine) = libm::sincos(2.399_963_229_728_653 * f64::from(i));
+        let ring = (1.0 - z * z).sqrt();
+        Vec3::new(ring * cosine, ring * sine, z)
+    })
+}
+
 /// A vector of three and a number, in one line of the cache: four numbers are added at once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(32))]

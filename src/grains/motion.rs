@@ -595,7 +595,7 @@ mod tests {
             for other in (0..slot).rev() {
                 alone.take_owned(other);
             }
-            alone.travel.truncate(1);
+            alone.travel.resize(1, 0.0);
             turn::<SIZED>(&mut alone, |kernel| lanes::dispatch(kernel));
             assert_eq!(bits(&dispatched, slot), bits(&alone, 0), "particle {slot} alone");
         }

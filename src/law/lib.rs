@@ -4,6 +4,8 @@
 //!
 //! A library of its own: a kernel is compiled for each law and each kind of processor, which takes longer than all else together.
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 pub mod dmt;
 pub mod hertz;
 mod interactions;

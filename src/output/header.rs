@@ -128,10 +128,10 @@ pub struct ShapeRow {
     /// Principal moments of inertia [kg m²].
     pub inertia: Vec3,
     /// The least and the largest scale for which the stage has made room: lengths of a particle over those of its shape [-].
-    /// Such particles need not be there. `None` in a file of an older version.
-    pub scales: Option<[f64; 2]>,
-    /// How many such particles the stage can have at most; infinite if nothing is known. `None` in a file of an older version.
-    pub most: Option<f64>,
+    /// Such particles need not be there.
+    pub scales: [f64; 2],
+    /// How many such particles the stage can have at most; infinite if nothing is known.
+    pub most: f64,
     /// The body itself. `None` for kind `other`: a program's own type cannot be stored.
     pub geometry: Option<Shape>,
 }

@@ -155,17 +155,6 @@ pub enum SnapshotError {
         /// What is wrong.
         cause: String,
     },
-    /// It lacks what snapshots have today.
-    #[error(
-        "{path} has no {lacks}: an older version of dem-mpi wrote it. \
-         Read it with that version, or run its scene again"
-    )]
-    Older {
-        /// The file.
-        path: String,
-        /// What is not there.
-        lacks: String,
-    },
     /// The bytes of a dataset are not those that were written.
     #[error(
         "{path}: the checksum of {dataset} is wrong: its bytes changed after they were written. \

@@ -21,6 +21,7 @@ use crate::cell::AXES;
 use crate::cell::Cell;
 use crate::math::Vec3;
 use crate::measure::{COMPONENTS, Measures};
+use crate::particles::columns::Quantity;
 use crate::particles::walls::{Across, Wall, area};
 use std::path::Path;
 
@@ -48,68 +49,91 @@ impl OfWall {
         Self { torque: wall.torque.is_some() || turn, point, turn }
     }
 
-    /// Names of columns.
-    fn names(self, wall: &Wall) -> Vec<String> {
+    /// Name and number of each column, with a force on the wall [N], a torque about its reference point [N m] and the power of a
+    /// belt [W].
+    fn columns(self, wall: &Wall, force: &Vec3, torque: &Vec3, of_belt: f64) -> Vec<(String, f64)> {
         let name = &wall.name;
-        let three = |is_there: bool, what: &str, unit: &str| {
-            let names = AXES.map(|axis| format!("{what}_{name}_{axis}_{unit}"));
-            names.into_iter().filter(move |_| is_there)
+        let three = |is_there: bool, what: &str, vector: Vec3, unit: &str| {
+            let one = |axis| (format!("{what}_{name}_{}_{unit}", AXES[axis]), vector[axis]);
+            (0..3).filter(|_| is_there).map(one).collect::<Vec<_>>()
         };
-        let power = Some(format!("power_{name}_W")).filter(|_| wall.may_work());
-        three(self.torque, "torque", "N_m")
-            .chain(power)
-            .chain(three(wall.moves, "velocity", "m_per_s"))
-            .chain(three(self.point, "point", "m"))
-            .chain(three(self.turn, "angular_velocity", "rad_per_s"))
-            .chain(three(self.turn, "turned", "rad"))
-            .collect()
-    }
-
-    /// Their numbers with a force on the wall [N], a torque about its reference point [N m] and the power of a belt [W].
-    fn numbers(self, wall: &Wall, force: &Vec3, torque: &Vec3, of_belt: f64) -> Vec<f64> {
-        let three = |is_there: bool, vector: Vec3| {
-            (0..3).filter(move |_| is_there).map(move |axis| vector[axis])
-        };
-        let power = Some(wall.power(force, torque) + of_belt).filter(|_| wall.may_work());
-        three(self.torque, wall.torque_of(torque, force))
-            .chain(power)
-            .chain(three(wall.moves, wall.velocity))
-            .chain(three(self.point, wall.point))
-            .chain(three(self.turn, wall.angular_velocity))
-            .chain(three(self.turn, wall.orientation.scaled_axis()))
+        let power = || (format!("power_{name}_W"), wall.power(force, torque) + of_belt);
+        let turned = wall.orientation.scaled_axis();
+        three(self.torque, "torque", wall.torque_of(torque, force), "N_m")
+            .into_iter()
+            .chain(wall.may_work().then(power))
+            .chain(three(wall.moves, "velocity", wall.velocity, "m_per_s"))
+            .chain(three(self.point, "point", wall.point, "m"))
+            .chain(three(self.turn, "angular_velocity", wall.angular_velocity, "rad_per_s"))
+            .chain(three(self.turn, "turned", turned, "rad"))
             .collect()
     }
 }
 
+/// What a row is of.
+pub struct Row<'a> {
+    /// Steps since the very first stage began.
+    pub step: u64,
+    /// Time since then [s].
+    pub time: f64,
+    /// Of the whole system.
+    pub measures: &'a Measures,
+    /// Forces on the walls [N].
+    pub forces: &'a [Vec3],
+    /// The walls of [`History::open`], where they stand now.
+    pub walls: &'a [Wall],
+    /// Numbers of drives.
+    pub own: &'a [f64],
+}
+
+/// The name of a column, and its number in a row.
+type Column = (&'static str, fn(&Row) -> String);
+
 /// The columns of every table, before those of walls and drives.
-pub const COLUMNS: [&str; 26] = [
-    "step",
-    "time_s",
-    "particles",
-    "contacts",
-    "wall_contacts",
-    "coordination",
-    "kinetic_J",
-    "translation_J",
-    "rotation_J",
-    "gravity_J",
-    "stored_J",
-    "step_energy_J",
-    "dissipated_J",
-    "dissipated_by_normal_dashpots_J",
-    "dissipated_by_tangential_dashpots_J",
-    "dissipated_by_friction_J",
-    "dissipated_by_turning_J",
-    "dissipated_by_damping_J",
-    "dissipated_by_adhesion_J",
-    "received_J",
-    "missing_J",
-    "mean_normal_force_N",
-    "largest_overlap",
-    "largest_speed_m_per_s",
-    "top_m",
-    "unbalanced",
+const COLUMNS: [Column; 26] = [
+    ("step", |row| row.step.to_string()),
+    ("time_s", |row| row.time.to_string()),
+    ("particles", |row| row.measures.particles.to_string()),
+    ("contacts", |row| row.measures.contacts.to_string()),
+    ("wall_contacts", |row| row.measures.wall_contacts.to_string()),
+    ("coordination", |row| digits(row.measures.coordination())),
+    ("kinetic_J", |row| digits(row.measures.kinetic())),
+    ("translation_J", |row| digits(row.measures.translation)),
+    ("rotation_J", |row| digits(row.measures.rotation)),
+    ("gravity_J", |row| digits(row.measures.gravity)),
+    ("stored_J", |row| digits(row.measures.stored)),
+    ("step_energy_J", |row| digits(row.measures.step_energy)),
+    ("dissipated_J", |row| digits(row.measures.dissipated)),
+    ("dissipated_by_normal_dashpots_J", |row| digits(row.measures.of_normal_dashpots())),
+    ("dissipated_by_tangential_dashpots_J", |row| row.taken_by(Quantity::OfTangentialDashpots)),
+    ("dissipated_by_friction_J", |row| row.taken_by(Quantity::OfFriction)),
+    ("dissipated_by_turning_J", |row| row.taken_by(Quantity::OfTurning)),
+    ("dissipated_by_damping_J", |row| row.taken_by(Quantity::OfDamping)),
+    ("dissipated_by_adhesion_J", |row| row.taken_by(Quantity::OfAdhesion)),
+    ("received_J", |row| digits(row.measures.received)),
+    ("missing_J", |row| digits(row.measures.missing())),
+    ("mean_normal_force_N", |row| digits(row.measures.mean_normal_force)),
+    ("largest_overlap", |row| digits(row.measures.largest_overlap)),
+    ("largest_speed_m_per_s", |row| digits(row.measures.largest_speed)),
+    ("top_m", |row| digits(row.measures.top)),
+    ("unbalanced", |row| digits(row.measures.unbalanced)),
 ];
+
+impl Row<'_> {
+    fn taken_by(&self, channel: Quantity) -> String {
+        digits(self.measures.taken_by(channel))
+    }
+}
+
+/// Enough digits to distinguish a number from all others.
+fn digits(number: f64) -> String {
+    format!("{number:e}")
+}
+
+/// Does every table have a column of this name?
+pub fn has_column(name: &str) -> bool {
+    COLUMNS.iter().any(|(column, _)| *column == name)
+}
 
 /// The walls of which place and stress are written: where any wall moves, all that stand across an axis.
 fn written(walls: &[Wall]) -> impl Iterator<Item = (usize, &Wall, Across)> {
@@ -137,7 +161,7 @@ impl History {
         own: &[String],
         keep: impl Fn(u64) -> bool,
     ) -> Result<Self, TableError> {
-        let mut columns = COLUMNS.map(str::to_owned).to_vec();
+        let mut columns = COLUMNS.map(|(name, _)| name.to_owned()).to_vec();
         for Wall { name, .. } in walls {
             columns.extend(AXES.map(|axis| format!("force_{name}_{axis}_N")));
         }
@@ -146,7 +170,9 @@ impl History {
             columns.extend(area(walls, &cell, axis).map(|_| format!("stress_{name}_Pa")));
         }
         let of_walls: Vec<OfWall> = walls.iter().map(OfWall::of).collect();
-        columns.extend(walls.iter().zip(&of_walls).flat_map(|(wall, of)| of.names(wall)));
+        let none = Vec3::zeros();
+        let names = |(wall, of): (_, &OfWall)| of.columns(wall, &none, &none, 0.0).into_iter();
+        columns.extend(walls.iter().zip(&of_walls).flat_map(names).map(|(name, _)| name));
         if cell.shear().is_some() {
             columns.push("strain".to_owned());
             for kind in ["contact", "kinetic"] {
@@ -167,71 +193,39 @@ impl History {
         self.table.sync()
     }
 
-    /// Appends a row with these forces on the walls [N] and numbers of its own; the walls are those of [`History::open`], where they stand now.
+    /// Appends a row.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn push(
-        &mut self,
-        step: u64,
-        time: f64,
-        m: &Measures,
-        forces: &[Vec3],
-        walls: &[Wall],
-        own: &[f64],
-    ) -> Result<(), TableError> {
+    pub fn push(&mut self, row: &Row) -> Result<(), TableError> {
+        let &Row { measures, forces, walls, own, .. } = row;
         let moved = written(walls).flat_map(|(k, wall, Across { axis, place, .. })| {
             let stress = |area| wall.press(&forces[k]) / area;
             let stress = area(walls, &self.cell, axis).map(stress);
             [Some(place), stress].into_iter().flatten()
         });
-        let counts = [step.to_string(), time.to_string()]
-            .into_iter()
-            .chain([m.particles, m.contacts, m.wall_contacts].map(|count| count.to_string()));
-        let [of_tangential_dashpots, of_friction, of_turning, of_damping, of_adhesion] = m.channels;
-        let numbers = [
-            m.coordination(),
-            m.kinetic(),
-            m.translation,
-            m.rotation,
-            m.gravity,
-            m.stored,
-            m.step_energy,
-            m.dissipated,
-            m.of_normal_dashpots(),
-            of_tangential_dashpots,
-            of_friction,
-            of_turning,
-            of_damping,
-            of_adhesion,
-            m.received,
-            m.missing(),
-            m.mean_normal_force,
-            m.largest_overlap,
-            m.largest_speed,
-            m.top,
-            m.unbalanced,
-        ]
-        .into_iter()
-        .chain(forces.iter().flat_map(|force| force.iter().copied()))
-        .chain(moved)
-        .chain(self.of_walls.iter().enumerate().flat_map(|(k, of)| {
-            of.numbers(&walls[k], &m.wall_forces[k], &m.wall_torques[k], m.belt_powers[k])
-        }))
-        .chain(m.bulk.iter().flat_map(|bulk| {
-            let stresses = bulk.of_contacts.into_iter().chain(bulk.of_motion);
-            std::iter::once(bulk.strain).chain(stresses)
-        }))
-        .chain(own.iter().copied())
-        .map(|number| format!("{number:e}"));
-        self.table.push(counts.chain(numbers))?;
+        let always = COLUMNS.iter().map(|(_, number)| number(row));
+        let of_walls = (forces.iter().flat_map(|force| force.iter().copied()))
+            .chain(moved)
+            .chain(self.of_walls.iter().enumerate().flat_map(|(k, of)| {
+                let (torque, of_belt) = (&measures.wall_torques[k], measures.belt_powers[k]);
+                let columns = of.columns(&walls[k], &measures.wall_forces[k], torque, of_belt);
+                columns.into_iter().map(|(_, number)| number)
+            }))
+            .chain(measures.bulk.iter().flat_map(|bulk| {
+                let stresses = bulk.of_contacts.into_iter().chain(bulk.of_motion);
+                std::iter::once(bulk.strain).chain(stresses)
+            }))
+            .chain(own.iter().copied())
+            .map(digits);
+        self.table.push(always.chain(of_walls))?;
         self.table.flush()
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{COLUMNS, History};
+    use super::{COLUMNS, History, Row};
     use crate::cell::Cell;
     use crate::math::Vec3;
     use crate::measure::Measures;
@@ -270,7 +264,8 @@ mod tests {
                 belt_powers: vec![0.0; forces.len()],
                 ..Measures::default()
             };
-            table.push(step, 0.0, &measures, &forces, &walls, &[]).unwrap();
+            let (measures, forces, walls) = (&measures, &*forces, &*walls);
+            table.push(&Row { step, time: 0.0, measures, forces, walls, own: &[] }).unwrap();
         };
         write(&["a", "b, c"], 1);
         write(&["d", "a"], 2);

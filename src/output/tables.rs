@@ -9,8 +9,7 @@
 //!
 //! A snapshot is two HDF5 files, each valid VTKHDF `PolyData` of one part:
 //! `particles_<step>.vtkhdf` (vertices) and `contacts_<step>.vtkhdf` (lines). Particles stand in the order of their ids,
-//! contacts in that of the ids of A, then of B, whatever the number of ranks; only the column `rank` tells it. (Files of older
-//! versions have one part per rank, in the order of the ranks, and are read all the same.) Both carry the groups
+//! contacts in that of the ids of A, then of B, whatever the number of ranks; only the column `rank` tells it. Both carry the groups
 //! `/run`, `/domain`, `/walls`, `/shapes` and, for each drive that saves its state, one of the drive's name, such as `/rain`
 //! ([`super::header::Header`]); the first also carries `/restart`, all that a restart needs and a picture does not. A column that the scene
 //! does not need is not there. The geometry of a shape is a JSON text, `/shapes/geometry`. So is, of walls that turn or have several
@@ -64,7 +63,7 @@ pub struct ParticleTable {
     pub rank: Vec<i32>,
     /// What has accumulated over the life of each. Optional where a [`Quantity`] is.
     pub accumulated: Accumulated<Vec<f64>>,
-    /// Where it stands in the order of space. Optional: older files do not have it.
+    /// Where it stands in the order of space. Optional: tables that no run made need not have it.
     pub standing: Vec<Standing>,
     /// Whole periods added to `position` to follow the particle through a periodic domain. Optional.
     pub image: Vec<[i32; 3]>,

@@ -8,9 +8,10 @@
 use crate::contact::{ContactRecord, ContactRecords, StateColumn};
 use crate::drive::{SavedColumn, SavedState};
 use crate::ids::GlobalId;
+use crate::math::Vec3;
 use crate::measure::Departed;
 use crate::output::columns::Numbers;
-use crate::output::header::{Header, ShapeRow};
+use crate::output::header::{Header, ShapeRow, WallRow};
 use crate::output::tables::{
     CONTACT_COLUMNS, ContactTable, PARTICLE_COLUMNS, ParticleColumn, ParticleTable,
 };
@@ -332,69 +333,13 @@ fn distance(x: f64, y: f64) -> f64 {
 }
 
 fn header_differences(first: &Header, second: &Header) -> Vec<String> {
-    let numbers = |header: &Header| {
-        let Header {
-            step,
-            time,
-            dt,
-            stage_begin,
-            stage_shift,
-            next_id,
-            departed,
-            // Why the run ended, when it was measured, and what the user wrote, are no state.
-            most_moving: _,
-            stop: _,
-            scene: _,
-            cell,
-            gravity,
-            walls,
-            // The checksums of the walls tell.
-            triangles: _,
-            drives: _,
-            shapes,
-        } = header;
-        [
-            ("step", step.to_string()),
-            ("time", format!("{time:e} s")),
-            ("time step", format!("{dt:e} s")),
-            ("begin of the stage", format!("step {}, {:e} s", stage_begin.0, stage_begin.1)),
-            ("steps of another length before", format!("{stage_shift:e} s more")),
-            ("next id", next_id.to_string()),
-            ("left behind by particles that are gone", left_behind(*departed)),
-            ("domain", format!("{:?} to {:?} m", cell.low().as_slice(), cell.high().as_slice())),
-            ("periodic", format!("{:?}", cell.periodic())),
-            ("shear", cell.shear().map_or_else(|| "none".to_owned(), |shear| format!("{shear:?}"))),
-            ("gravity", format!("{:?} m/s2", gravity.as_slice())),
-            ("names of walls", format!("{:?}", walls.iter().map(|w| &w.name).collect::<Vec<_>>())),
-            (
-                "names of shapes",
-                format!("{:?}", shapes.iter().map(|s| &s.name).collect::<Vec<_>>()),
-            ),
-        ]
+    let others: BTreeMap<String, String> = facts(second).into_iter().collect();
+    // Walls and shapes that one of them lacks are missing in its list of names.
+    let differs = |(what, a): (String, String)| {
+        let b = others.get(&what).filter(|b| **b != a)?;
+        Some(format!("{what}: {} and {}", shortened(&a), shortened(b)))
     };
-    // Numbers are written with enough digits to distinguish them from all others.
-    let mut found: Vec<String> = (numbers(first).into_iter().zip(numbers(second)))
-        .filter(|(a, b)| a != b)
-        .map(|((what, a), (_, b))| format!("{what}: {a} and {b}"))
-        .collect();
-    for (a, b) in first.shapes.iter().zip(&second.shapes).filter(|(a, b)| a.name == b.name) {
-        // Files of older versions do not say for which sizes there was room.
-        if let (Some(x), Some(y)) = (a.scales, b.scales)
-            && x != y
-        {
-            found.push(format!("scales of shape {:?}: {x:?} and {y:?}", a.name));
-        }
-        if let (Some(x), Some(y)) = (a.most, b.most)
-            && x != y
-        {
-            found.push(format!("most particles of shape {:?}: {x} and {y}", a.name));
-        }
-        let [a, b] = [a, b].map(|shape| ShapeRow { scales: None, most: None, ..shape.clone() });
-        if a != b {
-            let [a_text, b_text] = [&a, &b].map(|shape| shortened(&format!("{shape:?}")));
-            found.push(format!("shape {:?}: {a_text} and {b_text}", a.name));
-        }
-    }
+    let mut found: Vec<String> = facts(first).into_iter().filter_map(differs).collect();
     let (mine, theirs) = (states_of_drives(first), states_of_drives(second));
     for what in mine.keys().chain(theirs.keys().filter(|what| !mine.contains_key(*what))) {
         let [a, b] = [&mine, &theirs].map(|states| states.get(what).map_or("nothing", |s| &**s));
@@ -402,26 +347,69 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
             found.push(format!("{what}: {} and {}", shortened(a), shortened(b)));
         }
     }
-    if first.walls.len() != second.walls.len() {
-        found.push(format!("walls: {} and {}", first.walls.len(), second.walls.len()));
-    }
-    for (a, b) in first.walls.iter().zip(&second.walls) {
-        for (what, x, y) in [
-            ("point", a.point, b.point),
-            ("normal", a.normal, b.normal),
-            ("velocity", a.velocity, b.velocity),
-            ("force", a.force, b.force),
-        ] {
-            if x.map(f64::to_bits) != y.map(f64::to_bits) {
-                let (x, y) = (x.as_slice(), y.as_slice());
-                found.push(format!("wall {:?}, {what}: {x:?} and {y:?}", a.name));
-            }
-        }
-        if a.body != b.body {
-            found.push(format!("wall {:?}, body: {:?} and {:?}", a.name, a.body, b.body));
-        }
-    }
     found
+}
+
+/// All that a header says of the state, by name, with enough digits to distinguish each number from all others.
+fn facts(header: &Header) -> Vec<(String, String)> {
+    let Header {
+        step,
+        time,
+        dt,
+        stage_begin,
+        stage_shift,
+        next_id,
+        departed,
+        // Why the run ended, when it was measured, and what the user wrote, are no state.
+        most_moving: _,
+        stop: _,
+        scene: _,
+        cell,
+        gravity,
+        walls,
+        // The checksums of the walls tell.
+        triangles: _,
+        drives: _,
+        shapes,
+    } = header;
+    let names = |names: Vec<&String>| format!("{names:?}");
+    let all = [
+        ("step", step.to_string()),
+        ("time", format!("{time:e} s")),
+        ("time step", format!("{dt:e} s")),
+        ("begin of the stage", format!("step {}, {:e} s", stage_begin.0, stage_begin.1)),
+        ("steps of another length before", format!("{stage_shift:e} s more")),
+        ("next id", next_id.to_string()),
+        ("left behind by particles that are gone", left_behind(*departed)),
+        ("domain", format!("{:?} to {:?} m", cell.low().as_slice(), cell.high().as_slice())),
+        ("periodic", format!("{:?}", cell.periodic())),
+        ("shear", cell.shear().map_or_else(|| "none".to_owned(), |shear| format!("{shear:?}"))),
+        ("gravity", format!("{:?} m/s2", gravity.as_slice())),
+        ("names of walls", names(walls.iter().map(|wall| &wall.name).collect())),
+        ("names of shapes", names(shapes.iter().map(|shape| &shape.name).collect())),
+    ];
+    let of_wall = |WallRow { name, point, normal, velocity, force, body }: &WallRow| {
+        let vector = |vector: &Vec3| format!("{:?}", vector.as_slice());
+        [
+            ("point", vector(point)),
+            ("normal", vector(normal)),
+            ("velocity", vector(velocity)),
+            ("force", vector(force)),
+            ("body", format!("{body:?}")),
+        ]
+        .map(|(what, value)| (format!("wall {name:?}, {what}"), value))
+    };
+    let of_shape = |shape: &ShapeRow| {
+        let ShapeRow { name, scales, most, .. } = shape;
+        let body = ShapeRow { scales: [1.0; 2], most: 0.0, ..shape.clone() };
+        [
+            (format!("scales of shape {name:?}"), format!("{scales:?}")),
+            (format!("most particles of shape {name:?}"), most.to_string()),
+            (format!("shape {name:?}"), format!("{body:?}")),
+        ]
+    };
+    let all = all.into_iter().map(|(what, value)| (what.to_owned(), value));
+    all.chain(shapes.iter().flat_map(of_shape)).chain(walls.iter().flat_map(of_wall)).collect()
 }
 
 /// The beginning of a long text.

@@ -49,7 +49,7 @@ impl Sizes {
     fn of(scene: &Scene, bed: &Block) -> Self {
         // Of a shape of many sizes, all have the mean volume.
         let class = |(of_shape, &radius): (OfShape, &f64)| {
-            (radius * of_shape.mean_volume().cbrt(), of_shape.count / bed.volume())
+            (radius * libm::cbrt(of_shape.mean_volume()), of_shape.count / bed.volume())
         };
         let classes = counts(scene).into_iter().zip(&scene.library.radius).map(class).collect();
         Self { classes, skin: scene.skin }
@@ -70,7 +70,7 @@ impl Sizes {
                     .filter(|&(reach, _)| reach > distance)
                     .map(|(reach, density)| density * cap(reach, reach - distance))
                     .sum();
-                density * (volume(layer + 1) - volume(layer)) * (1.0 - (-partners).exp())
+                density * (volume(layer + 1) - volume(layer)) * (1.0 - libm::exp(-partners))
             };
             (0..LAYERS).map(in_layer).sum::<f64>()
         };

@@ -36,25 +36,18 @@ pub(super) fn admit(library: &mut Library, path: &Path) -> Option<String> {
 /// The same for a stage that goes on from a snapshot of its own.
 pub(super) fn admit_to_go_on(library: &mut Library, path: &Path) -> Option<String> {
     let reader = opened(path).ok()?;
-    if !admit_saved(library, reader.header()) {
-        let _ = admit_present(library, &reader);
-    }
+    admit_saved(library, reader.header());
     Some(reader.header().scene.clone())
 }
 
-/// Makes room for the sizes and numbers for which the stage that wrote a snapshot had made room. `false` if the file, of an older version,
-/// does not say which.
-pub(super) fn admit_saved(library: &mut Library, header: &Header) -> bool {
-    let saved = header.shapes.iter().map(|row| row.scales);
-    let Some(scales) = saved.collect::<Option<Vec<_>>>() else { return false };
-    for (row, scales) in header.shapes.iter().zip(scales) {
-        if let Some(shape) = admit_of(library, row, scales) {
-            // A file of an older version does not say how many.
+/// Makes room for the sizes and numbers for which the stage that wrote a snapshot had made room.
+pub(super) fn admit_saved(library: &mut Library, header: &Header) {
+    for row in &header.shapes {
+        if let Some(shape) = admit_of(library, row, row.scales) {
             let most = &mut library.most[shape.index()];
-            *most = most.max(row.most.unwrap_or(f64::INFINITY));
+            *most = most.max(row.most);
         }
     }
-    true
 }
 
 /// Chosen and checked as it is when it is taken up.

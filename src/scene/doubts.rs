@@ -317,7 +317,7 @@ fn friction_in_degrees(scene: &Scene) -> Option<String> {
     (5.0..=60.0).contains(&friction).then(|| {
         format!(
             "a friction of {friction} is a coefficient; is it an angle in degrees? Its tangent is {:.2}",
-            friction.to_radians().tan()
+            libm::tan(friction.to_radians())
         )
     })
 }

@@ -10,7 +10,7 @@ use crate::drive::inlet::Amount;
 use crate::drive::rain::{Within, of_layer};
 use crate::drive::region::Region;
 use crate::math::Vec3;
-use crate::output::table::COLUMNS;
+use crate::output::table::has_column;
 use crate::particles::Library;
 use crate::random::Random;
 
@@ -215,7 +215,7 @@ fn name(section: &Section, names: &mut Vec<String>) -> Option<String> {
             ));
         }
         let kinds = ["entered", "left", "missing"];
-        if let Some(kind) = kinds.iter().find(|kind| COLUMNS.contains(&&*format!("{kind}_{name}"))) {
+        if let Some(kind) = kinds.iter().find(|kind| has_column(&format!("{kind}_{name}"))) {
             given.fail(format!("history.csv has a column {kind}_{name} already: take another name"));
         }
         names.push(name.clone());

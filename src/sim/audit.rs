@@ -155,7 +155,7 @@ impl Auditor {
                 [
                     (overlap - truth.overlap).abs() / axis,
                     (overlap / truth.overlap - 1.0).abs(),
-                    normal.cross(&truth.normal).norm().atan2(normal.dot(&truth.normal)),
+                    libm::atan2(normal.cross(&truth.normal).norm(), normal.dot(&truth.normal)),
                     (point - truth.point).norm() / axis,
                     (force - true_force).abs(),
                 ]

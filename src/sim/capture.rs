@@ -122,8 +122,8 @@ impl Simulation {
                     volume: library.shapes[k].volume(),
                     mass: library.mass[k],
                     inertia: library.inertia[k],
-                    scales: Some(library.scales[k]),
-                    most: Some(library.most[k]),
+                    scales: library.scales[k],
+                    most: library.most[k],
                     geometry: Some(library.shapes[k].clone()).filter(|s| s.kind() != Kind::Other),
                 })
                 .collect(),

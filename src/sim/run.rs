@@ -14,7 +14,7 @@ use crate::math::Vec3;
 use crate::measure::Measures;
 use crate::output::growing::TableError;
 use crate::output::lists::List;
-use crate::output::table::History;
+use crate::output::table::{History, Row};
 use crate::output::{SnapshotError, snapshot};
 use crate::particles::columns::Quantity;
 use crate::timing::{Clock, Phase};
@@ -347,7 +347,8 @@ impl<'a> Records<'a> {
     ) -> Result<(), TableError> {
         let Some(history) = &mut self.history else { return Ok(()) };
         let own: Vec<f64> = counted(sim).map(|(_, number)| number).collect();
-        history.push(sim.step, sim.time(), measures, forces, &sim.particles.walls, &own)
+        let (step, time, walls) = (sim.step, sim.time(), &*sim.particles.walls);
+        history.push(&Row { step, time, measures, forces, walls, own: &own })
     }
 
     /// Adds the particles that came and went at this step to the lists.

@@ -62,16 +62,11 @@ fn fall(directory: &Path, comm: &mut dyn Comm) {
         sim.step(comm).expect("the step is done");
         let measures = sim.measure(comm);
         if let Some(history) = &mut history {
-            history
-                .push(
-                    sim.step,
-                    sim.time(),
-                    &measures,
-                    &measures.wall_forces,
-                    &sim.particles.walls,
-                    &[],
-                )
-                .expect("a row");
+            let (step, time) = (sim.step, sim.time());
+            let (measures, forces) = (&measures, &*measures.wall_forces);
+            let walls = &*sim.particles.walls;
+            let row = table::Row { step, time, measures, forces, walls, own: &[] };
+            history.push(&row).expect("a row");
         }
     }
     let header = sim.header("", &sim.measure(comm).wall_forces, comm);

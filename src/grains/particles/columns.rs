@@ -1,5 +1,9 @@
 //! Which columns particles have: those that a scene needs, and quantities that accumulate over the life of a particle.
 
+use super::{Particles, held};
+use crate::ids::{GlobalId, ShapeId, Standing};
+use crate::math::{Quat, Vec3, Vec3AndNumber};
+use crate::shape::Form;
 use serde::{Deserialize, Serialize};
 use std::ops::{Index, IndexMut};
 
@@ -47,18 +51,130 @@ impl Needs {
 
     /// Bytes per owned particle in the columns, contacts left out.
     pub fn column_bytes(&self) -> usize {
-        // id, shape, standing, position, velocity, force, position at the last listing, travel
-        8 + 2
-            + 8
-            + 4 * 24
-            + 8
-            + 8
-            + 8 * Quantity::count(*self)
-            + if self.spin { 56 } else { 0 }
-            + if self.orientation { 24 + 32 } else { 0 }
-            + if self.form { 48 } else { 0 }
-            + if self.image { 12 } else { 0 }
-            + if self.scale { 8 } else { 0 }
+        let fields = FIELDS.iter().filter(|field| field.presence.holds(self));
+        fields.map(|field| field.width).sum::<usize>() + size_of::<f64>() * Quantity::count(*self)
+    }
+}
+
+/// A column of [`Particles`] with a field of its own.
+pub(super) struct Field {
+    presence: Presence,
+    /// Bytes per body.
+    width: usize,
+    get: fn(&Particles) -> Option<&dyn Column>,
+    get_mut: fn(&mut Particles) -> Option<&mut dyn Column>,
+}
+
+const fn field<T>(
+    presence: Presence,
+    get: fn(&Particles) -> Option<&dyn Column>,
+    get_mut: fn(&mut Particles) -> Option<&mut dyn Column>,
+) -> Field {
+    Field { presence, width: size_of::<T>(), get, get_mut }
+}
+
+/// All of them. Sorting, taking out, stripping, trimming and counting bytes follow.
+static FIELDS: [Field; 15] = [
+    field::<GlobalId>(Presence::Always, |p| Some(&p.id), |p| Some(&mut p.id)),
+    field::<ShapeId>(Presence::Always, |p| Some(&p.shape), |p| Some(&mut p.shape)),
+    field::<f64>(Presence::If(|needs| needs.scale), |p| Some(&p.scale), |p| Some(&mut p.scale)),
+    field::<Standing>(Presence::Always, |p| Some(&p.standing), |p| Some(&mut p.standing)),
+    field::<Vec3>(Presence::Always, |p| Some(&p.position), |p| Some(&mut p.position)),
+    field::<Vec3>(Presence::Always, |p| Some(&p.velocity), |p| Some(&mut p.velocity)),
+    field::<Vec3AndNumber>(Presence::Always, |p| Some(&p.force), |p| Some(&mut p.force)),
+    field::<Vec3>(Presence::Always, |p| Some(&p.listed_at), |p| Some(&mut p.listed_at)),
+    field::<f64>(Presence::Always, |p| Some(&p.travel), |p| Some(&mut p.travel)),
+    field::<[i32; 3]>(
+        Presence::If(|needs| needs.image),
+        |p| Some(&p.image),
+        |p| Some(&mut p.image),
+    ),
+    field::<Vec3>(
+        TURNS,
+        |p| Some(&p.spin.as_ref()?.angular_velocity),
+        |p| Some(&mut p.spin.as_mut()?.angular_velocity),
+    ),
+    field::<Vec3AndNumber>(
+        TURNS,
+        |p| Some(&p.spin.as_ref()?.torque),
+        |p| Some(&mut p.spin.as_mut()?.torque),
+    ),
+    field::<Vec3>(
+        ORIENTED,
+        |p| Some(&p.spin.as_ref()?.angular_momentum),
+        |p| Some(&mut p.spin.as_mut()?.angular_momentum),
+    ),
+    field::<Quat>(
+        ORIENTED,
+        |p| Some(&p.orientation.as_ref()?.quaternion),
+        |p| Some(&mut p.orientation.as_mut()?.quaternion),
+    ),
+    field::<Form>(
+        Presence::If(|needs| needs.form),
+        |p| Some(&p.orientation.as_ref()?.form),
+        |p| Some(&mut p.orientation.as_mut()?.form),
+    ),
+];
+
+const TURNS: Presence = Presence::If(|needs| needs.spin);
+const ORIENTED: Presence = Presence::If(|needs| needs.orientation);
+
+/// A column in memory, of any type.
+pub(super) trait Column {
+    /// Drops the rows from this one on.
+    fn truncate(&mut self, rows: usize);
+    /// Drops a row, if it is there; the last one moves to its place.
+    fn take_out(&mut self, row: usize);
+    /// Takes its rows from these, if it has any.
+    fn sort(&mut self, rows: &[u32]);
+    /// Gives back room that more rows have needed.
+    fn shrink_to_fit(&mut self);
+    /// Bytes that it holds.
+    fn held(&self) -> usize;
+}
+
+impl<T: Copy> Column for Vec<T> {
+    fn truncate(&mut self, rows: usize) {
+        self.truncate(rows);
+    }
+
+    fn take_out(&mut self, row: usize) {
+        if row < self.len() {
+            self.swap_remove(row);
+        }
+    }
+
+    fn sort(&mut self, rows: &[u32]) {
+        if !self.is_empty() {
+            *self = rows.iter().map(|&row| self[row as usize]).collect();
+        }
+    }
+
+    fn shrink_to_fit(&mut self) {
+        self.shrink_to_fit();
+    }
+
+    fn held(&self) -> usize {
+        held(self)
+    }
+}
+
+impl Particles {
+    /// Does the same with each column.
+    pub(super) fn each_column(&mut self, act: impl Fn(&mut dyn Column)) {
+        for field in &FIELDS {
+            if let Some(column) = (field.get_mut)(self) {
+                act(column);
+            }
+        }
+        self.accumulated.0.iter_mut().for_each(|column| act(column));
+    }
+
+    /// Bytes that the columns hold.
+    pub fn bytes(&self) -> usize {
+        let fields = FIELDS.iter().filter_map(|field| (field.get)(self));
+        let accumulated = self.accumulated.0.iter().map(held);
+        fields.map(Column::held).chain(accumulated).sum()
     }
 }
 
@@ -129,42 +245,40 @@ impl Quantity {
     pub const OF_CONTACTS: [Self; 3] =
         [Self::OfTangentialDashpots, Self::OfTurning, Self::OfAdhesion];
 
+    /// Its column: name in snapshots, unit, which scenes have it.
+    const fn column(self) -> (&'static str, &'static str, Presence) {
+        match self {
+            Self::Dissipated => ("dissipated", "J", Presence::Always),
+            Self::OfTangentialDashpots => (
+                "dissipated_by_tangential_dashpots",
+                "J",
+                Presence::If(|needs| needs.tangential_dashpots),
+            ),
+            Self::OfFriction => {
+                ("dissipated_by_friction", "J", Presence::If(|needs| needs.friction))
+            }
+            Self::OfTurning => ("dissipated_by_turning", "J", Presence::If(|needs| needs.turning)),
+            Self::OfDamping => ("dissipated_by_damping", "J", Presence::If(|needs| needs.damping)),
+            Self::OfAdhesion => {
+                ("dissipated_by_adhesion", "J", Presence::If(|needs| needs.adhesion))
+            }
+            Self::Received => ("received", "J", Presence::Always),
+        }
+    }
+
     /// As snapshots name it.
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Dissipated => "dissipated",
-            Self::OfTangentialDashpots => "dissipated_by_tangential_dashpots",
-            Self::OfFriction => "dissipated_by_friction",
-            Self::OfTurning => "dissipated_by_turning",
-            Self::OfDamping => "dissipated_by_damping",
-            Self::OfAdhesion => "dissipated_by_adhesion",
-            Self::Received => "received",
-        }
+        self.column().0
     }
 
     /// Unit of its numbers.
     pub const fn unit(self) -> &'static str {
-        match self {
-            Self::Dissipated
-            | Self::OfTangentialDashpots
-            | Self::OfFriction
-            | Self::OfTurning
-            | Self::OfDamping
-            | Self::OfAdhesion
-            | Self::Received => "J",
-        }
+        self.column().1
     }
 
     /// Which scenes have it.
     pub const fn presence(self) -> Presence {
-        match self {
-            Self::Dissipated | Self::Received => Presence::Always,
-            Self::OfTangentialDashpots => Presence::If(|needs| needs.tangential_dashpots),
-            Self::OfFriction => Presence::If(|needs| needs.friction),
-            Self::OfTurning => Presence::If(|needs| needs.turning),
-            Self::OfDamping => Presence::If(|needs| needs.damping),
-            Self::OfAdhesion => Presence::If(|needs| needs.adhesion),
-        }
+        self.column().2
     }
 
     /// How many of them a scene with these needs has.
@@ -211,22 +325,5 @@ impl Accumulated<Vec<f64>> {
         for quantity in Quantity::ALL.into_iter().filter(|q| q.presence().holds(&needs)) {
             self[quantity].push(row[quantity]);
         }
-    }
-
-    /// Takes a particle out; the last one moves to its row.
-    pub(super) fn swap_remove(&mut self, row: usize) {
-        for column in self.0.iter_mut().filter(|column| !column.is_empty()) {
-            column.swap_remove(row);
-        }
-    }
-
-    /// All columns.
-    pub(super) fn columns_mut(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
-        self.0.iter_mut()
-    }
-
-    /// Bytes that they hold.
-    pub(super) fn bytes(&self) -> usize {
-        self.0.iter().map(super::held).sum()
     }
 }

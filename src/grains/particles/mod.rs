@@ -437,68 +437,17 @@ impl Particles {
 
     /// Gives back room that more particles have needed.
     pub fn trim(&mut self) {
-        self.id.shrink_to_fit();
-        self.shape.shrink_to_fit();
-        self.scale.shrink_to_fit();
-        self.standing.shrink_to_fit();
-        self.position.shrink_to_fit();
-        self.velocity.shrink_to_fit();
-        self.force.shrink_to_fit();
-        self.listed_at.shrink_to_fit();
-        self.travel.shrink_to_fit();
-        self.accumulated.columns_mut().for_each(Vec::shrink_to_fit);
-        self.image.shrink_to_fit();
-        if let Some(spin) = &mut self.spin {
-            spin.angular_momentum.shrink_to_fit();
-            spin.angular_velocity.shrink_to_fit();
-            spin.torque.shrink_to_fit();
-        }
-        if let Some(orientation) = &mut self.orientation {
-            orientation.quaternion.shrink_to_fit();
-            orientation.form.shrink_to_fit();
-        }
-    }
-
-    /// Bytes that the columns hold.
-    pub fn bytes(&self) -> usize {
-        let spin = self
-            .spin
-            .as_ref()
-            .map_or(0, |s| held(&s.angular_momentum) + held(&s.angular_velocity) + held(&s.torque));
-        let orientation =
-            self.orientation.as_ref().map_or(0, |a| held(&a.quaternion) + held(&a.form));
-        held(&self.id)
-            + held(&self.shape)
-            + held(&self.scale)
-            + held(&self.standing)
-            + held(&self.position)
-            + held(&self.velocity)
-            + held(&self.force)
-            + held(&self.listed_at)
-            + held(&self.travel)
-            + self.accumulated.bytes()
-            + held(&self.image)
-            + spin
-            + orientation
+        self.each_column(|column| column.shrink_to_fit());
     }
 
     /// Drops ghosts and walls, so that owned particles may come and go.
     pub fn strip_to_owned(&mut self) {
         let owned = self.owned;
         self.ghosts = 0;
-        self.id.truncate(owned);
-        self.shape.truncate(owned);
-        self.scale.truncate(owned);
-        self.standing.truncate(owned);
-        self.position.truncate(owned);
-        self.velocity.truncate(owned);
         self.facets = FacetColumns::default();
-        if let Some(spin) = &mut self.spin {
-            spin.angular_velocity.truncate(owned);
-        }
-        if let Some(orientation) = &mut self.orientation {
-            orientation.resize(owned, self.needs);
-        }
+        self.each_column(|column| column.truncate(owned));
+        // Of a list of pairs that no longer holds.
+        self.travel.clear();
     }
 
     /// Adds an owned particle. Ghosts and walls must be stripped.
@@ -585,33 +534,7 @@ impl Particles {
     /// Takes an owned particle out; the last owned one moves to its slot. Ghosts and walls must be stripped.
     pub fn take_owned(&mut self, slot: usize) -> Particle {
         let particle = self.owned_particle(slot);
-        self.id.swap_remove(slot);
-        self.shape.swap_remove(slot);
-        if self.needs.scale {
-            self.scale.swap_remove(slot);
-        }
-        self.standing.swap_remove(slot);
-        self.position.swap_remove(slot);
-        self.velocity.swap_remove(slot);
-        self.force.swap_remove(slot);
-        self.listed_at.swap_remove(slot);
-        self.accumulated.swap_remove(slot);
-        if self.needs.image {
-            self.image.swap_remove(slot);
-        }
-        if let Some(orientation) = &mut self.orientation {
-            orientation.quaternion.swap_remove(slot);
-            if self.needs.form {
-                orientation.form.swap_remove(slot);
-            }
-        }
-        if let Some(spin) = &mut self.spin {
-            if self.needs.orientation {
-                spin.angular_momentum.swap_remove(slot);
-            }
-            spin.angular_velocity.swap_remove(slot);
-            spin.torque.swap_remove(slot);
-        }
+        self.each_column(|column| column.take_out(slot));
         self.owned -= 1;
         particle
     }
@@ -664,6 +587,18 @@ impl Particles {
             self.shape.push(mesh.shape);
             self.facets.wall.push(wall as u32);
         }
+        self.lengthen();
+        let ids = &self.id[self.first_facet()..];
+        let in_place = |id: &GlobalId| {
+            let number = id.wall_and_facet().map_or(0, |(_, facet)| facet as u32);
+            FacetInPlace { frame: Mat3::identity(), number }
+        };
+        self.facets.place = ids.iter().map(in_place).collect();
+        self.place_walls();
+    }
+
+    /// Brings the columns of all slots to the number of ids.
+    fn lengthen(&mut self) {
         let slots = self.id.len();
         self.standing.resize(slots, Standing::LAST);
         if self.needs.scale {
@@ -674,13 +609,6 @@ impl Particles {
         if let Some(spin) = &mut self.spin {
             spin.angular_velocity.resize(slots, Vec3::zeros());
         }
-        let ids = &self.id[self.first_facet()..];
-        let in_place = |id: &GlobalId| {
-            let number = id.wall_and_facet().map_or(0, |(_, facet)| facet as u32);
-            FacetInPlace { frame: Mat3::identity(), number }
-        };
-        self.facets.place = ids.iter().map(in_place).collect();
-        self.place_walls();
     }
 
     /// Moves the walls to where they stand after `step` steps, of which the last took `dt` [s].

@@ -80,26 +80,7 @@ impl Particles {
         }
         let mut slots: Vec<u32> = (0..self.owned as u32).collect();
         slots.sort_unstable_by_key(|&slot| stands(slot as usize));
-        let Self { id, shape, scale, standing, position, velocity, force, listed_at, .. } = self;
-        sort(id, &slots);
-        sort(shape, &slots);
-        sort(scale, &slots);
-        sort(standing, &slots);
-        sort(position, &slots);
-        sort(velocity, &slots);
-        sort(force, &slots);
-        sort(listed_at, &slots);
-        self.accumulated.columns_mut().for_each(|column| sort(column, &slots));
-        sort(&mut self.image, &slots);
-        if let Some(spin) = &mut self.spin {
-            sort(&mut spin.angular_momentum, &slots);
-            sort(&mut spin.angular_velocity, &slots);
-            sort(&mut spin.torque, &slots);
-        }
-        if let Some(orientation) = &mut self.orientation {
-            sort(&mut orientation.quaternion, &slots);
-            sort(&mut orientation.form, &slots);
-        }
+        self.each_column(|column| column.sort(&slots));
     }
 
     /// By what bodies stand: those of one standing by their ids.
@@ -116,13 +97,6 @@ impl Particles {
             places[slot as usize] = place;
         }
         places
-    }
-}
-
-/// Takes the rows of a column from these slots, if it has any.
-fn sort<T: Copy>(column: &mut Vec<T>, slots: &[u32]) {
-    if !column.is_empty() {
-        *column = slots.iter().map(|&slot| column[slot as usize]).collect();
     }
 }
 

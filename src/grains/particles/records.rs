@@ -165,14 +165,9 @@ impl Particles {
         }
         self.scale.extend_from_slice(scales);
         self.ghosts += names.len();
-        let slots = self.owned + self.ghosts;
-        self.position.resize(slots, Vec3::zeros());
-        self.velocity.resize(slots, Vec3::zeros());
-        if let Some(spin) = &mut self.spin {
-            spin.angular_velocity.resize(slots, Vec3::zeros());
-        }
+        self.lengthen();
         if let Some(orientation) = &mut self.orientation {
-            orientation.resize(slots, self.needs);
+            orientation.resize(self.owned + self.ghosts, self.needs);
         }
     }
 }

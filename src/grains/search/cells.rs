@@ -100,7 +100,7 @@ impl Classes {
         let mut classes = Self { members: Vec::new(), radius: Vec::new() };
         for slot in bodies {
             let radius = particles.radius(slot);
-            let class = ((largest / radius).log2() as usize).min(63);
+            let class = (libm::log2(largest / radius) as usize).min(63);
             while classes.members.len() <= class {
                 classes.members.push(Vec::new());
                 classes.radius.push(0.0);
@@ -452,7 +452,7 @@ fn grid_counts(extent: &Vec3, reach: f64, bodies: usize) -> [usize; 3] {
         if all <= most {
             return [0, 1, 2].map(|axis| count[axis] as usize);
         }
-        width *= (all / most).cbrt().max(1.01);
+        width *= libm::cbrt(all / most).max(1.01);
     }
 }
 

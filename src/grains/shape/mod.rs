@@ -30,7 +30,7 @@ pub mod spherocylinder;
 pub mod superellipsoid;
 pub mod triangle_mesh;
 
-use crate::math::{Mat3, Vec3};
+use crate::math::{Mat3, Vec3, directions};
 pub use ellipsoid::{Ellipsoid, Form};
 use facets::Facets;
 pub use half_space::HalfSpace;
@@ -400,18 +400,12 @@ impl Shape {
 
     /// Largest `dᵀ (1 + m [r]ᵀ I⁻¹ [r]) d` over surface points `r` and unit directions `d`: how many
     /// times more compliant a surface point is than the centre of mass. 3.5 for a sphere. Enters the
-    /// stable time step. Sampled over 1,026 normals of the shape's own frame.
+    /// stable time step. Sampled over [`directions`] in the shape's own frame.
     pub fn surface_compliance(&self) -> f64 {
         let gyration = self.gyration();
         let inverse = Mat3::from_diagonal(&gyration.map(|g| 1.0 / g));
         let mut largest: f64 = 1.0;
-        let count = 1026;
-        for i in 0..count {
-            // Spherical Fibonacci points; only a bound is wanted, so the platform's sine will do.
-            let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(count);
-            let angle = 2.399_963_229_728_653 * f64::from(i);
-            let ring = (1.0 - z * z).sqrt();
-            let normal = Vec3::new(ring * angle.cos(), ring * angle.sin(), z);
+        for normal in directions() {
             let cross = self.support(&normal).cross_matrix();
             let compliance = Mat3::identity() + cross.transpose() * inverse * cross;
             largest = largest.max(compliance.symmetric_eigenvalues().max());

@@ -102,7 +102,7 @@ impl Sticking<f64> {
     /// With a modulus [Pa], a reduced radius [m] and a surface energy [J/m²].
     pub fn of(modulus: f64, radius: f64, surface_energy: f64) -> Self {
         let work = 2.0 * surface_energy;
-        let size = (2.0 * PI * work * radius * radius / modulus).cbrt();
+        let size = libm::cbrt(2.0 * PI * work * radius * radius / modulus);
         let depth = if size > 0.0 { size * size / radius } else { 1.0 };
         Self { radius, pull: (8.0 * PI * work * modulus).sqrt(), work: PI * work, size, depth }
     }

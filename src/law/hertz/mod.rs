@@ -65,7 +65,7 @@ pub fn overlap_under(stress: f64, constants: &Constants) -> f64 {
     let mean_force = 4.0 * PI / (6.0 * 0.6);
     // Of two spheres of radius 1.
     let stiffness = 4.0 / 3.0 * constants.modulus * 0.5_f64.sqrt();
-    (7.0 * mean_force * stress / stiffness).powf(2.0 / 3.0)
+    libm::pow(7.0 * mean_force * stress / stiffness, 2.0 / 3.0)
 }
 
 /// What a scene says of this law.

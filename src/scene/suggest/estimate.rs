@@ -85,7 +85,7 @@ impl Difference {
     }
 
     fn expected(&self, missing: f64, floor: &Floor) -> Expected {
-        let both = |difference: f64, floor: f64| (MARGIN * difference).hypot(floor);
+        let both = |difference: f64, floor: f64| libm::hypot(MARGIN * difference, floor);
         Expected {
             stress: both(self.stress, floor.stress),
             contacts: both(self.contacts, floor.contacts),

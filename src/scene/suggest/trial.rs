@@ -293,9 +293,9 @@ fn wrong(error: impl Display) -> Unanswered {
 
 /// The same number with three digits, or a little less.
 fn rounded_down(number: f64) -> f64 {
-    let unit = 10.0_f64.powi(number.log10().floor() as i32 - 2);
+    let unit = 10.0_f64.powi(libm::log10(number).floor() as i32 - 2);
     // Through decimal digits: its halves then have few, too.
-    let text = format!("{}e{}", (number / unit).floor(), unit.log10().round());
+    let text = format!("{}e{}", (number / unit).floor(), libm::log10(unit).round());
     text.parse().unwrap_or(number)
 }
 

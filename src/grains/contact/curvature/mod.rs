@@ -44,7 +44,7 @@ use crate::ids::Slot;
 use crate::lanes::{
     self, Eight, Gather, Kernel, Lanes, Row as _, RowPairs, Symmetric, Triple, WIDTH,
 };
-use crate::math::{Mat3, Vec3};
+use crate::math::{Mat3, Vec3, directions};
 use crate::shape::{Ellipsoid, Form, Shape};
 
 /// The least radius of curvature of bodies that have edges or crests, over their bounding radius.
@@ -123,15 +123,7 @@ pub fn flattest(shape: &Shape) -> f64 {
     if matches!(shape, Shape::Sphere(_) | Shape::Ellipsoid(_)) {
         return axes.map(|axis| root(&axis)).fold(f64::NAN, f64::max);
     }
-    // Spherical Fibonacci points; only a bound is wanted, so the platform's sine will do.
-    let count = 1026;
-    let points = (0..count).map(|i| {
-        let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(count);
-        let angle = 2.399_963_229_728_653 * f64::from(i);
-        let ring = (1.0 - z * z).sqrt();
-        Vec3::new(ring * angle.cos(), ring * angle.sin(), z)
-    });
-    axes.chain(points).map(|normal| root(&normal)).fold(f64::NAN, f64::max)
+    axes.chain(directions()).map(|normal| root(&normal)).fold(f64::NAN, f64::max)
 }
 
 /// Two unit vectors across a normal, with which it makes a right-handed frame. That of the opposite normal has the second of
