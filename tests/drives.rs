@@ -2,17 +2,19 @@
 //! bottom.
 
 use crate::support::{MATERIAL, OnRanks, State, scene};
-use dem_mpi::cell::Cell;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::StateColumn;
-use dem_mpi::drive::{Drive, DriveError, Moment, Newcomers, SavedColumn, SavedState, Values};
+use dem_mpi::drive::{
+    Drive, DriveError, Moment, Newcomers, Observer, Reporter, Restart, SavedColumn, SavedState,
+    Takes, Values,
+};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
-use dem_mpi::particles::Particles;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::particles::walls::Wall;
+use dem_mpi::particles::{Library, Particles};
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble;
 use dem_mpi::sim::{Simulation, StepError};
@@ -29,10 +31,6 @@ struct Spout {
 }
 
 impl Drive for Spout {
-    fn name(&self) -> &'static str {
-        "spout"
-    }
-
     fn insert(
         &mut self,
         moment: &Moment,
@@ -48,19 +46,21 @@ impl Drive for Spout {
         self.count += 1;
         Some(Newcomers::of(vec![Particle { velocity: Vec3::new(0.2, 0.1, -1.0), ..grain }]))
     }
+}
+
+impl Observer for Spout {}
+
+impl Reporter for Spout {
+    fn name(&self) -> &'static str {
+        "spout"
+    }
 
     fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
         saved(self.count)
     }
 
-    fn resume(
-        &mut self,
-        saved: &SavedState,
-        _is_new_stage: bool,
-        _walls: &mut [Wall],
-        _is_root: bool,
-    ) -> Result<(), DriveError> {
-        self.count = saved.counts(&COUNT)?[0];
+    fn resume(&mut self, restart: &Restart, _walls: &mut [Wall]) -> Result<(), DriveError> {
+        self.count = restart.saved.counts(&COUNT)?[0];
         Ok(())
     }
 }
@@ -71,33 +71,31 @@ struct Outlet {
 }
 
 impl Drive for Outlet {
-    fn name(&self) -> &'static str {
-        "outlet"
+    fn takes(&self, _moment: &Moment) -> Takes {
+        Takes::Outside
     }
 
-    fn is_outlet(&self) -> bool {
-        true
-    }
-
-    fn take(&mut self, _moment: &Moment, leaver: &Particle, _mass: f64, cell: &Cell) -> bool {
-        let takes = leaver.position.z < cell.low().z;
+    fn take(&mut self, _moment: &Moment, leaver: &Particle, particles: &Particles) -> bool {
+        let takes = leaver.position.z < particles.cell.low().z;
         self.count += u64::from(takes);
         takes
+    }
+}
+
+impl Observer for Outlet {}
+
+impl Reporter for Outlet {
+    fn name(&self) -> &'static str {
+        "outlet"
     }
 
     fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
         saved(self.count)
     }
 
-    fn resume(
-        &mut self,
-        saved: &SavedState,
-        is_new_stage: bool,
-        _walls: &mut [Wall],
-        _is_root: bool,
-    ) -> Result<(), DriveError> {
-        if !is_new_stage {
-            self.count = saved.counts(&COUNT)?[0];
+    fn resume(&mut self, restart: &Restart, _walls: &mut [Wall]) -> Result<(), DriveError> {
+        if !restart.is_new_stage {
+            self.count = restart.saved.counts(&COUNT)?[0];
         }
         Ok(())
     }
@@ -253,7 +251,9 @@ fn a_state_that_does_not_fit_is_refused() {
     let columns = vec![SavedColumn::new(COUNT, Values::Reals(vec![7.0]))];
     let saved = SavedState { drive: "outlet".to_owned(), columns };
     let mut outlet = Outlet { count: 0 };
-    let error = outlet.resume(&saved, false, &mut [], true).unwrap_err().to_string();
+    let restart =
+        Restart { saved: &saved, is_new_stage: false, library: &Library::default(), is_root: true };
+    let error = outlet.resume(&restart, &mut []).unwrap_err().to_string();
     assert!(error.contains("`outlet` has no column `count` of 1 numbers"), "{error}");
     assert!(error.contains("run the scene again"), "{error}");
 }

@@ -3,6 +3,7 @@
 use crate::support::{OnRanks, State, begun, expect_refused, save, scene, schedule};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
+use dem_mpi::drive::Restart;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::{Reader, particles_name};
 use dem_mpi::scene::Scene;
@@ -181,9 +182,9 @@ directory = "out"
     assert_eq!(counted[2], ("missing_tap".to_owned(), 4000.0 - entered as f64));
     assert_eq!(warnings.len(), 1);
     assert!(warnings[0].contains("inlet `tap`: at step 50 "), "{warnings:?}");
-    let last = sim.drives[0].last_warnings(&[], false);
+    let last = sim.drives[0].outcome(&[], false).warnings;
     assert!(last.len() == 2 && last[1].contains("of 4000 particles came"), "{last:?}");
-    let stopped = sim.drives[0].last_warnings(&[], true);
+    let stopped = sim.drives[0].outcome(&[], true).warnings;
     assert!(
         stopped.len() == 1 && stopped[0].contains("that were due have not come"),
         "{stopped:?}"
@@ -400,7 +401,7 @@ fn batches_follow_each_other() {
     let mut comm = Alone::default();
     let mut sim = begun(&scene, &mut comm);
     let mut moments = Vec::new();
-    while sim.drives[0].unfinished().is_some() {
+    while sim.drives[0].standing().unfinished.is_some() {
         let before = sim.next_id;
         sim.step(&mut comm).unwrap();
         moments.extend((before..sim.next_id).map(|_| sim.step));
@@ -421,7 +422,7 @@ fn batches_follow_each_other() {
     // A stage that is over before says what has not come.
     let mut sim = begun(&scene, &mut comm);
     (0..400).for_each(|_| sim.step(&mut comm).unwrap());
-    let last = sim.drives[0].last_warnings(&[], false);
+    let last = sim.drives[0].outcome(&[], false).warnings;
     assert!(
         last.len() == 1 && last[0].contains("`second`: only 0 of 7 particles came"),
         "{last:?}"
@@ -440,10 +441,12 @@ fn an_inlet_without_a_begin_began_with_its_stage() {
     saved.columns.retain(|saved| saved.column.name != "begin");
     assert_eq!(saved.columns.len(), columns - 1);
     let mut again = begun(&scene, &mut comm);
-    again.drives[0].resume(&saved, false, &mut [], true).unwrap();
+    let restart =
+        Restart { saved: &saved, is_new_stage: false, library: &scene.library, is_root: true };
+    again.drives[0].resume(&restart, &mut []).unwrap();
     assert_eq!(again.drives[0].counted(), counted);
     let late = crate::support::scene(&SHAFT.replace("every = 15", "every = 15\nbegin = 0.01"));
-    let error = begun(&late, &mut comm).drives[0].resume(&saved, false, &mut [], true);
+    let error = begun(&late, &mut comm).drives[0].resume(&restart, &mut []);
     assert!(error.unwrap_err().0.contains("inlet `balls` had a begin of 0.0"));
 }
 
@@ -750,7 +753,7 @@ fn what_is_missing_ends_where_the_inlet_ends() {
         (0..1000).for_each(|_| sim.step(&mut comm).unwrap());
         assert_eq!(sim.particles.owned, 2, "{amounts}");
         let counted = sim.drives[0].counted();
-        (counted[2].1, sim.drives[0].last_warnings(&[], false)[0].clone())
+        (counted[2].1, sim.drives[0].outcome(&[], false).warnings[0].clone())
     };
     for (amounts, missing, told) in [
         ("mass_rate = 1\ncount = 10", 0.008, "8.0000e-3 kg"),
@@ -957,7 +960,7 @@ fn leg(
             ..schedule(scene, last_step, folder)
         };
         run(&mut sim, &schedule, comm, &mut |_| {}).unwrap();
-        sim.drives.iter().flat_map(|drive| drive.counted()).collect()
+        sim.all_observers().flat_map(|observer| observer.counted()).collect()
     });
     counted.into_iter().next().unwrap()
 }

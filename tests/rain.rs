@@ -115,7 +115,7 @@ fn rain_fills_a_pipe() {
         let (place, radius) = (sim.particles.position[slot], sim.particles.radius(slot));
         assert!(axis(&place) < 0.008 - 0.6 * radius && place.z > 0.02 + 0.6 * radius, "{place}");
     }
-    assert!(sim.drives[0].unfinished().is_none() && sim.drives[0].warnings().is_empty());
+    assert!(sim.drives[0].standing().unfinished.is_none() && sim.drives[0].warnings().is_empty());
 }
 
 /// A cup of triangles, of 24 sides and a bottom: rain falls into it and stays in it.
@@ -220,7 +220,7 @@ fn rain_without_a_place_waits_and_says_so() {
     assert_eq!(warnings.len(), 1, "{warnings:?}");
     let said = "rain: at step 2400 no place of a layer is clear of the walls";
     assert!(warnings[0].contains(said), "{warnings:?}");
-    let last = sim.drives[0].last_warnings(&[], false);
+    let last = sim.drives[0].outcome(&[], false).warnings;
     assert!(last[0].contains("only 0 of 100 particles of rain have fallen"), "{last:?}");
 }
 

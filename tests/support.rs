@@ -159,7 +159,7 @@ impl State {
         }
         let forces = m.wall_forces.iter().flat_map(|force| force.iter());
         scalars.extend(forces.map(|&x| ("force".to_owned(), x)));
-        scalars.extend(sim.drives.iter().flat_map(|drive| drive.counted()));
+        scalars.extend(sim.all_observers().flat_map(|observer| observer.counted()));
         Self {
             bits: motion(&sim.particle_table(comm.rank())).collect(),
             scalars: scalars.into_iter().map(|(name, x)| (name, x.to_bits())).collect(),

@@ -393,7 +393,7 @@ fn wear_that_begins_within_a_stage_is_told() {
         .unwrap();
         assert_eq!(work(&after).to_bits(), done.to_bits());
         let said: Vec<String> =
-            after.drives.iter_mut().flat_map(|drive| drive.warnings()).collect();
+            after.all_observers_mut().flat_map(|observer| observer.warnings()).collect();
         let is_told = |told: &str| said.iter().any(|said| said.starts_with(told));
         assert!(
             if told.is_empty() { said.is_empty() } else { is_told(told) },

@@ -578,7 +578,7 @@ fn goes_on_elsewhere(arguments: &Arguments, out: &Path) -> Option<String> {
 /// Is the stage over because its `[stop]` held, as `held` says, when the snapshot that it goes on from was written?
 fn is_over(scene: &Scene, sim: &Simulation, held: &str) -> bool {
     // More rain than before is more to do.
-    let all_there = sim.drives.iter().all(|drive| drive.unfinished().is_none());
+    let all_there = sim.all_observers().all(|drive| drive.standing().unfinished.is_none());
     all_there && !held.is_empty() && held == scene.stop.to_string()
 }
 

@@ -8,16 +8,14 @@
 //! A light wall on many grains takes shorter steps than the grains do: it swings with `√(K/m)`, `K` being the stiffness of all its
 //! contacts together. Where `dt √(K/m)` comes over 1 the run warns, over 2 it stops.
 
-use super::servo::Room;
-use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values, pressing};
+use super::clearance::Astray;
+use super::load::{self, Line};
+use super::{Drive, DriveError, Observer, Reporter, Restart, SavedColumn, Steering, View};
 use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
-use crate::contacts::Contacts;
-use crate::law::{ForceLaw, Sums};
 use crate::math::{ExactSum, Vec3};
 use crate::particles::walls::{Across, Wall, area};
-use crate::particles::{Library, Particles};
 use serde::{Deserialize, Serialize};
 
 /// A wall that moves freely along a line.
@@ -44,9 +42,10 @@ impl FreeWall {
     }
 }
 
-/// What it goes on with from step to step.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct State {
+/// A free wall, and what it goes on with from step to step.
+#[derive(Clone, Debug)]
+struct Running {
+    free: FreeWall,
     /// Velocity along the line in the last step [m/s]; `None` before the first.
     speed: Option<f64>,
     /// That of the scene, with which it begins [m/s].
@@ -62,11 +61,11 @@ struct State {
 // What a snapshot holds: a row for each free wall.
 /// The wall's name in the scene.
 const WALL: StateColumn = StateColumn::new("wall", 1, "");
-/// [`State::speed`]; not a number before the first step.
+/// [`Running::speed`]; not a number before the first step.
 const SPEED: StateColumn = StateColumn::new("speed", 1, "m/s");
 /// [`FreeWall::along`].
 const ALONG: StateColumn = StateColumn::new("along", 3, "");
-/// [`State::force`] of all ranks, exactly.
+/// [`Running::force`] of all ranks, exactly.
 const FORCE: StateColumn = StateColumn::new("force", ExactSum::LIMBS, "2^(32 k - 1074) N");
 
 /// Over this `dt √(K/m)` the run warns.
@@ -77,56 +76,45 @@ const UNSTABLE: f64 = 2.0;
 /// The free walls of a running simulation.
 #[derive(Clone, Debug)]
 pub struct FreeWalls {
-    all: Vec<FreeWall>,
-    states: Vec<State>,
-    /// Half the thickness of the thinnest grain: no wall comes nearer to the other side [m].
-    least_gap: f64,
+    all: Vec<Running>,
     warnings: Vec<String>,
 }
 
 impl FreeWalls {
     /// At the start, with the velocities that the walls of the scene have.
-    pub fn new(all: Vec<FreeWall>, walls: &[Wall], library: &Library) -> Self {
-        let state = |&FreeWall { wall, along, .. }: &FreeWall| {
-            let velocity = walls[wall].velocity;
-            let first_speed = velocity.dot(&along);
-            State { first_speed, across: velocity - along * first_speed, ..State::default() }
+    pub fn new(all: Vec<FreeWall>, walls: &[Wall]) -> Self {
+        let running = |free: FreeWall| {
+            let velocity = walls[free.wall].velocity;
+            let first_speed = velocity.dot(&free.along);
+            let across = velocity - free.along * first_speed;
+            let force = ExactSum::default();
+            Running { free, speed: None, first_speed, across, force, warned: false }
         };
-        let states = all.iter().map(state).collect();
-        Self { all, states, least_gap: library.least_inscribed_radius(), warnings: Vec::new() }
+        Self { all: all.into_iter().map(running).collect(), warnings: Vec::new() }
     }
 
-    /// Takes note of the force of this rank's contacts on each wall along its line.
-    fn note_forces(&mut self, contacts: &Contacts, particles: &Particles) {
-        let Self { all, states, .. } = self;
-        for state in &mut *states {
-            state.force = ExactSum::default();
+    /// Of each wall its number among the free ones, and its direction.
+    fn lines(&self, walls: usize) -> Vec<Option<Line>> {
+        let mut lines = vec![None; walls];
+        for (k, Running { free, .. }) in self.all.iter().enumerate() {
+            lines[free.wall] = Some((k, free.along));
         }
-        for (pair, force) in contacts.forces_on_walls(particles) {
-            let Some(wall) = particles.wall_of(pair.b) else { continue };
-            for (free, state) in all.iter().zip(&mut *states).filter(|(free, _)| free.wall == wall)
-            {
-                let along = force.dot(&free.along);
-                // A state that is not a number is reported when the list of pairs is rebuilt.
-                if along.is_finite() {
-                    state.force.add(along);
-                }
-            }
-        }
+        lines
     }
+}
 
-    /// Looks whether a step can follow a wall on contacts of this stiffness [N/m].
+impl Running {
+    /// Looks whether a step of `dt` [s] can follow the wall of a name on contacts of this stiffness [N/m]. Returns a warning, once.
     fn check_step(
         &mut self,
-        k: usize,
         stiffness: f64,
         dt: f64,
         name: &str,
-    ) -> Result<(), DriveError> {
-        let mass = self.all[k].mass;
+    ) -> Result<Option<String>, DriveError> {
+        let mass = self.free.mass;
         let angle = dt * (stiffness / mass).sqrt();
         if angle < COARSE {
-            return Ok(());
+            return Ok(None);
         }
         let said = format!(
             "wall \"{name}\" of {mass:e} kg swings on the grains that it touches by {angle:.2} rad in a step of {dt:.3e} s (their stiffness is \
@@ -138,10 +126,20 @@ impl FreeWalls {
                 "{said}, which makes it go farther each time: {better}"
             )));
         }
-        if !std::mem::replace(&mut self.states[k].warned, true) {
-            self.warnings.push(format!("{said}, which is coarse: {better}"));
-        }
-        Ok(())
+        let is_known = std::mem::replace(&mut self.warned, true);
+        Ok((!is_known).then(|| format!("{said}, which is coarse: {better}")))
+    }
+
+    /// Its speed along the line in the next step of `dt` [s], under the force of the grains [N].
+    fn speed_under(&self, force: f64, dt: f64) -> f64 {
+        // The velocity of the scene is that of the start, half a step before that of the first step.
+        let (speed, dt) = self.speed.map_or((self.first_speed, 0.5 * dt), |speed| (speed, dt));
+        speed + dt * (self.free.load + force) / self.free.mass
+    }
+
+    /// The velocity of the wall with its speed [m/s].
+    fn velocity(&self) -> Vec3 {
+        self.across + self.free.along * self.speed.unwrap_or(self.first_speed)
     }
 }
 
@@ -149,57 +147,35 @@ impl FreeWalls {
 const NAME: &str = "free walls";
 
 impl Drive for FreeWalls {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn admit(&mut self, library: &Library) {
-        self.least_gap = library.least_inscribed_radius();
-    }
-
     /// The limbs of force and stiffness of each wall.
-    fn sums(
-        &self,
-        moment: &Moment,
-        particles: &Particles,
-        contacts: &Contacts,
-        law: &dyn ForceLaw,
-    ) -> Vec<i64> {
-        let group = |wall| self.all.iter().position(|free| free.wall == wall);
-        let groups = (self.all.len(), group);
-        let pressed = pressing(groups, moment.dt, particles, contacts, law, |_, _| 1.0);
-        let both = self.states.iter().zip(&pressed);
-        both.flat_map(|(State { force, .. }, [_, stiffness])| {
-            [*force.limbs(), *stiffness.limbs()].concat()
-        })
-        .collect()
+    fn sums(&self, view: &View) -> Vec<i64> {
+        let View { moment, particles, law, .. } = view;
+        let lines = self.lines(particles.walls.len());
+        let mut stiffnesses = vec![ExactSum::default(); self.all.len()];
+        for (wall, pair, geometry, _) in load::pressing(view) {
+            if let Some((k, _)) = lines[wall] {
+                stiffnesses[k].add(law.stiffness(pair, particles, geometry, moment.dt));
+            }
+        }
+        let both = self.all.iter().zip(&stiffnesses);
+        let limbs = both.flat_map(|(Running { force, .. }, stiffness)| [force, stiffness]);
+        limbs.flat_map(|sum| *sum.limbs()).collect()
     }
 
-    fn steer(
-        &mut self,
-        moment: &Moment,
-        sums: &[i64],
-        cell: &Cell,
-        walls: &mut [Wall],
-    ) -> Result<(), DriveError> {
+    fn steer(&mut self, steering: Steering) -> Result<(), DriveError> {
+        let Steering { moment, sums, cell, library, walls } = steering;
         let sums = ExactSum::values(sums);
-        for (k, &[force, stiffness]) in sums.as_chunks().0.iter().enumerate() {
-            let FreeWall { wall, along, mass, load } = self.all[k];
-            self.check_step(k, stiffness, moment.dt, &walls[wall].name)?;
-            let state = &mut self.states[k];
-            // The velocity of the scene is that of the start, half a step before that of the first step.
-            let (speed, dt) = match state.speed {
-                Some(speed) => (speed, moment.dt),
-                None => (state.first_speed, 0.5 * moment.dt),
-            };
-            let speed = speed + dt * (load + force) / mass;
-            state.speed = Some(speed);
-            walls[wall].velocity = state.across + along * speed;
-            let place = match Room::of(&walls[wall], walls, cell) {
-                Some(Room { gap, .. }) if gap < self.least_gap => "at the opposite side of",
-                Some(Room { outside, width, .. }) if outside > width => "far out of",
-                None if walls[wall].is_far_out_of(cell) => "far out of",
-                _ => continue,
+        for (running, &[force, stiffness]) in self.all.iter_mut().zip(sums.as_chunks().0) {
+            let wall = running.free.wall;
+            let name = &walls[wall].name;
+            self.warnings.extend(running.check_step(stiffness, moment.dt, name)?);
+            let speed = running.speed_under(force, moment.dt);
+            running.speed = Some(speed);
+            walls[wall].velocity = running.velocity();
+            let place = match Astray::of(&walls[wall], walls, cell, library) {
+                None => continue,
+                Some(Astray::Closed { .. }) => "at the opposite side of",
+                Some(Astray::Open | Astray::Gone) => "far out of",
             };
             return Err(DriveError(format!(
                 "wall \"{}\" moves freely and is {place} the domain, at {speed:.3e} m/s along its line: put grains where they \
@@ -209,13 +185,26 @@ impl Drive for FreeWalls {
         }
         Ok(())
     }
+}
 
-    fn first_forces(&mut self, contacts: &Contacts, particles: &Particles) {
-        self.note_forces(contacts, particles);
+impl Observer for FreeWalls {
+    /// Takes note of the force of this rank's contacts on each wall along its line.
+    fn after_forces(&mut self, view: &View) {
+        let lines = self.lines(view.particles.walls.len());
+        let forces = load::along(self.all.len(), &lines, view);
+        for (running, force) in self.all.iter_mut().zip(forces) {
+            running.force = force;
+        }
+    }
+}
+
+impl Reporter for FreeWalls {
+    fn name(&self) -> &'static str {
+        NAME
     }
 
-    fn after_forces(&mut self, contacts: &Contacts, particles: &Particles, _sums: &Sums) {
-        self.note_forces(contacts, particles);
+    fn warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
     }
 
     /// A wall that nothing bears, and that does not stand by itself.
@@ -227,64 +216,44 @@ impl Drive for FreeWalls {
                 free.load == 0.0 && velocity.dot(&free.along).abs() <= 1e-9 * velocity.norm();
             wall_forces[free.wall] == Vec3::zeros() && !stands
         };
-        let free = self.all.iter().find(is_under_way)?;
+        let free = self.all.iter().map(|running| &running.free).find(is_under_way)?;
         Some(format!("wall \"{}\" moves freely, and no grain touches it", walls[free.wall].name))
     }
 
-    fn warnings(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.warnings)
-    }
-
     fn save(&self, walls: &[Wall], comm: &mut dyn Comm) -> Vec<SavedColumn> {
-        let (mut names, mut speeds, mut limbs) = (Vec::new(), Vec::new(), Vec::new());
-        let lines = self.all.iter().flat_map(|free| free.along.iter().copied()).collect();
-        for (free, state) in self.all.iter().zip(&self.states) {
-            let mut force = state.force.clone();
-            force.carry();
-            names.push(walls[free.wall].name.clone());
-            speeds.push(state.speed.unwrap_or(f64::NAN));
-            limbs.extend(*force.limbs());
-        }
-        comm.sum(&mut limbs);
-        for row in limbs.chunks_exact_mut(ExactSum::LIMBS) {
-            let mut sum = ExactSum::from_limbs(row);
-            sum.carry();
-            row.copy_from_slice(sum.limbs());
-        }
+        let all = || self.all.iter();
+        let forces = load::of_all_ranks(all().map(|running| &running.force), comm);
         vec![
-            SavedColumn::new(WALL, Values::Texts(names)),
-            SavedColumn::new(SPEED, Values::Reals(speeds)),
-            SavedColumn::new(ALONG, Values::Reals(lines)),
-            SavedColumn::new(FORCE, Values::Integers(limbs)),
+            SavedColumn::texts(WALL, all().map(|running| walls[running.free.wall].name.clone())),
+            SavedColumn::reals(SPEED, all().map(|running| running.speed.unwrap_or(f64::NAN))),
+            SavedColumn::reals(
+                ALONG,
+                all().flat_map(|running| <[f64; 3]>::from(running.free.along)),
+            ),
+            SavedColumn::integers(FORCE, forces.iter().flat_map(|force| *force.limbs())),
         ]
     }
 
     /// Walls go on as those of the same names did. A stage that begins may give one another velocity along its line, or another line, of
     /// which it has what it had of the old one.
-    fn resume(
-        &mut self,
-        saved: &SavedState,
-        is_new_stage: bool,
-        walls: &mut [Wall],
-        is_root: bool,
-    ) -> Result<(), DriveError> {
+    fn resume(&mut self, restart: &Restart, walls: &mut [Wall]) -> Result<(), DriveError> {
+        let saved = restart.saved;
         let (names, speeds) = (saved.texts(&WALL)?, saved.reals(&SPEED)?);
-        let lines = saved.reals(&ALONG)?;
-        let forces = saved.integers(&FORCE)?;
-        for (free, state) in self.all.iter().zip(&mut self.states) {
-            let Some(row) = names.iter().position(|name| *name == walls[free.wall].name) else {
+        let lines: &[[f64; 3]] = saved.reals(&ALONG)?.as_chunks().0;
+        let forces: &[[i64; ExactSum::LIMBS]] = saved.integers(&FORCE)?.as_chunks().0;
+        for running in &mut self.all {
+            let FreeWall { wall, along, .. } = running.free;
+            let Some(row) = names.iter().position(|name| *name == walls[wall].name) else {
                 continue;
             };
-            if is_new_stage && state.first_speed != 0.0 {
+            if restart.is_new_stage && running.first_speed != 0.0 {
                 continue;
             }
-            let along = Vec3::from_column_slice(&lines[ALONG.width * row..][..ALONG.width]);
-            let part = if along == free.along { 1.0 } else { along.dot(&free.along) };
-            state.speed = Some(speeds[row] * part).filter(|speed| !speed.is_nan());
-            let speed = state.speed.unwrap_or(state.first_speed);
-            walls[free.wall].velocity = state.across + free.along * speed;
-            let limbs = &forces[FORCE.width * row..][..FORCE.width];
-            state.force = if is_root { ExactSum::from_limbs(limbs) } else { ExactSum::default() };
+            let before = Vec3::from(lines[row]);
+            let part = if before == along { 1.0 } else { before.dot(&along) };
+            running.speed = Some(speeds[row] * part).filter(|speed| !speed.is_nan());
+            walls[wall].velocity = running.velocity();
+            running.force = restart.sum(&forces[row]);
         }
         Ok(())
     }

@@ -4,18 +4,16 @@
 //! Each rank sums what its own particles do, in a [`RoundedSum`] of each number and triangle: the same bits on any number of ranks and
 //! after a restart. What a contact does belongs to the triangle nearest to where it acts, in the axes of the wall.
 
-use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
-use crate::cell::Cell;
+use super::{DriveError, Observer, Reporter, Restart, Row, SavedColumn, SavedState, View};
 use crate::comm::Comm;
 use crate::contact::StateColumn;
-use crate::contacts::Contacts;
-use crate::law::{OnWall, PressOnWall, Sums};
+use crate::law::{OnWall, PressOnWall};
 use crate::math::{RoundedSum, Vec3};
 use crate::particles::Particles;
 use crate::particles::walls::Wall;
 use std::collections::HashMap;
 
-/// Names [`Ledger`] among the drives.
+/// Names [`Ledger`] among the observers.
 const NAME: &str = "ledger";
 /// The wall of a row.
 const WALL: StateColumn = StateColumn::new("wall", 1, "1");
@@ -40,7 +38,7 @@ const WORDS: StateColumn = StateColumn::new("words", NUMBERS * RoundedSum::WORDS
 
 /// Of a row: work, what was lost, the part of friction, and an impulse.
 const NUMBERS: usize = 6;
-type Row = [RoundedSum; NUMBERS];
+type Entry = [RoundedSum; NUMBERS];
 
 /// What a wall has done so far.
 #[derive(Clone, Debug)]
@@ -91,15 +89,13 @@ pub struct Ledger {
     /// The account of each wall.
     of_wall: Vec<Option<usize>>,
     /// Of this rank's particles.
-    rows: Vec<Row>,
-    /// The step that is under way [s].
-    dt: f64,
+    rows: Vec<Entry>,
     warnings: Vec<String>,
 }
 
 impl Ledger {
     /// Bytes of a triangle on each rank.
-    pub const BYTES: usize = size_of::<Row>();
+    pub const BYTES: usize = size_of::<Entry>();
 
     /// Before the first step; `None` if there is nothing to sum.
     pub fn new(walls: &[Wall]) -> Option<Self> {
@@ -119,7 +115,7 @@ impl Ledger {
                     time: 0.0,
                     totals: [0.0; 3],
                 };
-                new.rows.resize(account.own_row() + 1, Row::default());
+                new.rows.resize(account.own_row() + 1, Entry::default());
                 new.all.push(account);
             }
         }
@@ -127,7 +123,7 @@ impl Ledger {
     }
 
     /// The sums of all ranks. Collective.
-    fn of_all_ranks(rows: &[Row], comm: &mut dyn Comm) -> Vec<Row> {
+    fn of_all_ranks(rows: &[Entry], comm: &mut dyn Comm) -> Vec<Entry> {
         let mut limbs: Vec<[i64; RoundedSum::LIMBS]> =
             rows.iter().flatten().map(RoundedSum::limbs).collect();
         comm.sum(limbs.as_flattened_mut());
@@ -136,25 +132,14 @@ impl Ledger {
     }
 }
 
-impl Drive for Ledger {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn steer(
-        &mut self,
-        moment: &Moment,
-        _sums: &[i64],
-        _cell: &Cell,
-        _walls: &mut [Wall],
-    ) -> Result<(), DriveError> {
-        self.dt = moment.dt;
-        Ok(())
-    }
-
-    fn after_forces(&mut self, _contacts: &Contacts, particles: &Particles, sums: &Sums) {
+impl Observer for Ledger {
+    fn after_forces(&mut self, &View { moment, particles, sums, .. }: &View) {
+        let dt = moment.dt;
+        if dt == 0.0 {
+            return;
+        }
         for account in &mut self.all {
-            account.time += self.dt;
+            account.time += dt;
         }
         let presses = sums.presses_on_walls().unwrap_or_default();
         for (k, OnWall { pair, work, lost, rubbed }) in sums.on_walls().iter().enumerate() {
@@ -168,10 +153,31 @@ impl Drive for Ledger {
             }
             let (wall, PressOnWall { point, force }) = (&particles.walls[number], &presses[k]);
             let row = &mut self.rows[account.row_at(pair.a.index(), point, wall, particles)];
-            let impulse = wall.frame().tr_mul(force) * self.dt;
+            let impulse = wall.frame().tr_mul(force) * dt;
             let terms = [*work, *lost, *rubbed, impulse.x, impulse.y, impulse.z];
             row.iter_mut().zip(terms).for_each(|(sum, term)| sum.add(term));
         }
+    }
+
+    fn row(&mut self, _row: &mut Row, comm: &mut dyn Comm) {
+        let of_one = |account: &Account| {
+            self.rows[account.rows()].iter().fold(Entry::default(), |mut sums, row| {
+                sums.iter_mut().zip(row).for_each(|(sum, term)| *sum += *term);
+                sums
+            })
+        };
+        let mine: Vec<Entry> = self.all.iter().map(of_one).collect();
+        for (account, [work, lost, rubbed, ..]) in
+            self.all.iter_mut().zip(Self::of_all_ranks(&mine, comm))
+        {
+            account.totals = [work, lost, rubbed].map(|sum| sum.value());
+        }
+    }
+}
+
+impl Reporter for Ledger {
+    fn name(&self) -> &'static str {
+        NAME
     }
 
     fn counted(&self) -> Vec<(String, f64)> {
@@ -187,21 +193,6 @@ impl Drive for Ledger {
         all.filter(|(counts, ..)| *counts).map(|(_, name, number)| (name, number)).collect()
     }
 
-    fn row(&mut self, _wall_forces: &mut [Vec3], _scheduled: bool, comm: &mut dyn Comm) {
-        let of_one = |account: &Account| {
-            self.rows[account.rows()].iter().fold(Row::default(), |mut sums, row| {
-                sums.iter_mut().zip(row).for_each(|(sum, term)| *sum += *term);
-                sums
-            })
-        };
-        let mine: Vec<Row> = self.all.iter().map(of_one).collect();
-        for (account, [work, lost, rubbed, ..]) in
-            self.all.iter_mut().zip(Self::of_all_ranks(&mine, comm))
-        {
-            account.totals = [work, lost, rubbed].map(|sum| sum.value());
-        }
-    }
-
     fn warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)
     }
@@ -210,39 +201,30 @@ impl Drive for Ledger {
         let rows = Self::of_all_ranks(&self.rows, comm);
         let accounts = || self.all.iter().flat_map(|account| account.rows().map(move |_| account));
         let numbers = |which: std::ops::Range<usize>| {
-            let of_row =
-                |row: &Row| row[which.clone()].iter().map(RoundedSum::value).collect::<Vec<_>>();
-            Values::Reals(rows.iter().flat_map(of_row).collect())
+            rows.iter().flat_map(move |row| row[which.clone()].iter().map(RoundedSum::value))
         };
         let triangle = |account: &Account, row: usize| {
             if row == account.own_row() { -1 } else { (row - account.first) as i64 }
         };
         let triangles = accounts().enumerate().map(|(row, account)| triangle(account, row));
-        let wears = accounts().map(|account| u64::from(account.wears));
-        let surfaces = accounts().map(|account| account.surface);
-        let words = rows.iter().flatten().flat_map(RoundedSum::words).collect();
+        let words = rows.iter().flatten().flat_map(RoundedSum::words);
         vec![
-            SavedColumn::new(WALL, Values::Texts(accounts().map(|a| a.name.clone()).collect())),
-            SavedColumn::new(TRIANGLE, Values::Integers(triangles.collect())),
-            SavedColumn::new(TIME, Values::Reals(accounts().map(|account| account.time).collect())),
-            SavedColumn::new(WEARS, Values::Counts(wears.collect())),
-            SavedColumn::new(SURFACE, Values::Counts(surfaces.collect())),
-            SavedColumn::new(WORK, numbers(0..1)),
-            SavedColumn::new(LOST, numbers(1..2)),
-            SavedColumn::new(RUBBED, numbers(2..3)),
-            SavedColumn::new(IMPULSE, numbers(3..6)),
-            SavedColumn::new(WORDS, Values::Integers(words)),
+            SavedColumn::texts(WALL, accounts().map(|account| account.name.clone())),
+            SavedColumn::integers(TRIANGLE, triangles),
+            SavedColumn::reals(TIME, accounts().map(|account| account.time)),
+            SavedColumn::counts(WEARS, accounts().map(|account| u64::from(account.wears))),
+            SavedColumn::counts(SURFACE, accounts().map(|account| account.surface)),
+            SavedColumn::reals(WORK, numbers(0..1)),
+            SavedColumn::reals(LOST, numbers(1..2)),
+            SavedColumn::reals(RUBBED, numbers(2..3)),
+            SavedColumn::reals(IMPULSE, numbers(3..6)),
+            SavedColumn::integers(WORDS, words),
         ]
     }
 
     /// A new stage counts from 0. Sums of a wall that wears now and did not, or has other triangles, begin anew; its work does not.
-    fn resume(
-        &mut self,
-        saved: &SavedState,
-        is_new_stage: bool,
-        _walls: &mut [Wall],
-        is_root: bool,
-    ) -> Result<(), DriveError> {
+    fn resume(&mut self, restart: &Restart, _walls: &mut [Wall]) -> Result<(), DriveError> {
+        let &Restart { saved, is_new_stage, is_root, .. } = restart;
         if is_new_stage {
             return Ok(());
         }
@@ -250,7 +232,7 @@ impl Drive for Ledger {
         let (wears, surfaces) = (saved.counts(&WEARS)?, saved.counts(&SURFACE)?);
         let words = saved.integers(&WORDS)?.as_chunks().0;
         let numbers = words.iter().map(RoundedSum::from_words).collect::<Vec<_>>();
-        let rows: &[Row] = numbers.as_chunks().0;
+        let rows: &[Entry] = numbers.as_chunks().0;
         for account in &mut self.all {
             let theirs = names.iter().zip(0..).filter(|(name, _)| **name == account.name);
             let theirs: Vec<usize> = theirs.map(|(_, row)| row).collect();

@@ -4,20 +4,23 @@
 //! it; what it had of energy is booked ([`crate::measure::Departed`]), so that the balance still closes. Counts and masses are
 //! summed in the order of the ids: the same on any number of ranks.
 
-use super::listed::Listed;
+use super::lists::Lists;
 use super::region::Region;
-use super::{Drive, DriveError, Moment, SavedColumn, SavedState, Values};
+use super::{
+    Drive, DriveError, Moment, Observer, Reporter, Restart, Row, SavedColumn, Standing, Takes,
+};
 use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::ids::ShapeId;
 use crate::math::Vec3;
-use crate::particles::Library;
 use crate::particles::census::Census;
 use crate::particles::records::Particle;
 use crate::particles::walls::Wall;
+use crate::particles::{Library, Particles};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 /// Where grains leave.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,28 +42,26 @@ impl Outlet {
     }
 }
 
-/// What has left through an outlet in this stage.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Left {
-    /// Grains.
-    pub count: u64,
+/// An outlet, and what has left through it in this stage.
+#[derive(Clone, Debug)]
+struct Running {
+    outlet: Outlet,
+    /// How many grains.
+    count: u64,
     /// Their mass [kg].
-    pub mass: f64,
+    mass: f64,
+    /// Has it warned that grains may pass it unseen?
+    warned: bool,
 }
 
 /// The outlets of a running simulation.
 #[derive(Clone, Debug)]
 pub struct Outlets {
-    all: Vec<Outlet>,
-    left: Vec<Left>,
-    /// Which have already warned.
-    warned: Vec<bool>,
+    all: Vec<Running>,
     warnings: Vec<String>,
-    listed: Listed,
-    /// Sizes of what has left through each in this stage, of each shape with a law of sizes.
-    sizes: Vec<Vec<(ShapeId, Census)>>,
-    /// The names of these shapes.
-    sized: Vec<String>,
+    lists: Lists,
+    /// Of each shape with a law of sizes that has left: its name, and its sizes by outlets.
+    sizes: BTreeMap<ShapeId, (String, Vec<Census>)>,
 }
 
 /// Names [`Outlets`] among the drives.
@@ -71,13 +72,24 @@ const MASS: StateColumn = StateColumn::new("left_mass", 1, "kg");
 
 impl Outlets {
     /// Before anything has left.
-    pub fn new(outlets: Vec<Outlet>, library: &Library) -> Self {
-        let (left, warned) = (vec![Left::default(); outlets.len()], vec![false; outlets.len()]);
-        let (warnings, listed) = (Vec::new(), Listed::default());
-        let (sizes, sized) = (Vec::new(), Vec::new());
-        let mut new = Self { all: outlets, left, warned, warnings, listed, sizes, sized };
-        new.admit(library);
-        new
+    pub fn new(outlets: Vec<Outlet>) -> Self {
+        let list = |Outlet { name, list, .. }: &Outlet| list.then(|| format!("left_{name}"));
+        let lists = Lists::new(outlets.iter().map(list));
+        let running = |outlet| Running { outlet, count: 0, mass: 0.0, warned: false };
+        let all = outlets.into_iter().map(running).collect();
+        Self { all, warnings: Vec::new(), lists, sizes: BTreeMap::new() }
+    }
+
+    /// The sizes of a shape by outlets; `None` if it has no law of sizes.
+    fn sizes_of(&mut self, shape: ShapeId, library: &Library) -> Option<&mut Vec<Census>> {
+        let (_, sizes) = match self.sizes.entry(shape) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(new) => {
+                let nobody = Census::of_shape(shape, library)?;
+                new.insert((library.names[shape.index()].clone(), vec![nobody; self.all.len()]))
+            }
+        };
+        Some(sizes)
     }
 
     /// The columns of the limits and the sums of the [`Census`] of a shape.
@@ -91,76 +103,45 @@ impl Outlets {
             named(StateColumn::new("", Census::SUMS, "1"), "sizes"),
         ]
     }
-
-    /// Of each outlet the sizes of a shape that have left.
-    fn of_shape(&self, number: usize) -> impl Iterator<Item = &Census> + Clone {
-        self.sizes.iter().map(move |of_outlet| &of_outlet[number].1)
-    }
-
-    /// What has left through each, in the order of the scene.
-    pub fn left(&self) -> &[Left] {
-        &self.left
-    }
 }
 
 impl Drive for Outlets {
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn admit(&mut self, library: &Library) {
-        let shapes = (0..library.particle_shapes).map(|shape| ShapeId(shape as u16));
-        let of_one = shapes.filter_map(|shape| Some((shape, Census::of_shape(shape, library)?)));
-        let of_one: Vec<(ShapeId, Census)> = of_one.collect();
-        self.sized = of_one.iter().map(|(shape, _)| library.names[shape.index()].clone()).collect();
-        self.sizes = vec![of_one; self.all.len()];
-    }
-
-    fn is_outlet(&self) -> bool {
-        true
-    }
-
-    fn looks(&self, moment: &Moment) -> bool {
-        self.all.iter().any(|outlet| outlet.is_due(moment))
+    fn takes(&self, moment: &Moment) -> Takes {
+        let is_due = self.all.iter().any(|running| running.outlet.is_due(moment));
+        if is_due { Takes::Inside } else { Takes::Outside }
     }
 
     fn reaches(&self, moment: &Moment, position: &Vec3, cell: &Cell) -> bool {
-        let takes = |outlet: &Outlet| outlet.is_due(moment) && outlet.region.holds(position, cell);
+        let takes = |Running { outlet, .. }: &Running| {
+            outlet.is_due(moment) && outlet.region.holds(position, cell)
+        };
         self.all.iter().any(takes)
     }
 
     /// Of several that look at this moment the first one in the scene. What has left the domain cannot wait: the first one that
     /// holds it takes it.
-    fn take(&mut self, moment: &Moment, leaver: &Particle, mass: f64, cell: &Cell) -> bool {
-        let holds = |outlet: &Outlet| outlet.region.holds(&leaver.position, cell);
-        let looks = |outlet: &Outlet| outlet.is_due(moment) && holds(outlet);
+    fn take(&mut self, moment: &Moment, leaver: &Particle, particles: &Particles) -> bool {
+        let Particles { cell, library, .. } = particles;
+        let holds = |running: &Running| running.outlet.region.holds(&leaver.position, cell);
+        let looks = |running: &Running| running.outlet.is_due(moment) && holds(running);
         let first = self.all.iter().position(looks).or_else(|| self.all.iter().position(holds));
         let Some(index) = first else { return false };
-        let left = &mut self.left[index];
-        left.count += 1;
-        left.mass += mass;
-        if let Some((_, census)) =
-            self.sizes[index].iter_mut().find(|(shape, _)| *shape == leaver.shape)
-        {
-            census.add(leaver.scale);
+        self.all[index].count += 1;
+        self.all[index].mass += library.mass_at(leaver.shape, leaver.scale);
+        if let Some(sizes) = self.sizes_of(leaver.shape, library) {
+            sizes[index].add(leaver.scale);
         }
-        if self.all[index].list {
-            let list = self.all[..index].iter().filter(|before| before.list).count();
-            self.listed.note(moment.step, list, leaver.clone());
-        }
+        self.lists.note(moment.step, index, std::slice::from_ref(leaver));
         true
     }
+}
 
-    fn counted(&self) -> Vec<(String, f64)> {
-        let of_one = |(Outlet { name, .. }, left): (&Outlet, &Left)| {
-            [(format!("left_{name}"), left.count as f64), (format!("left_{name}_kg"), left.mass)]
-        };
-        self.all.iter().zip(&self.left).flat_map(of_one).collect()
-    }
-
+impl Observer for Outlets {
     /// Grains that go through a region between two looks are not seen.
-    fn note_speed(&mut self, fastest: f64, dt: f64) {
-        for (Outlet { name, region, every, .. }, warned) in self.all.iter().zip(&mut self.warned) {
+    fn row(&mut self, row: &mut Row, _comm: &mut dyn Comm) {
+        let Row { fastest, dt, .. } = *row;
+        for Running { outlet, warned, .. } in &mut self.all {
+            let Outlet { name, region, every, .. } = outlet;
             let way = fastest * dt * *every as f64;
             if way > region.thickness() && !std::mem::replace(warned, true) {
                 self.warnings.push(format!(
@@ -172,90 +153,91 @@ impl Drive for Outlets {
         }
     }
 
-    fn lists(&self) -> Vec<String> {
-        let listing = self.all.iter().filter(|outlet| outlet.list);
-        listing.map(|Outlet { name, .. }| format!("left_{name}")).collect()
+    fn lists(&mut self) -> Option<&mut Lists> {
+        Some(&mut self.lists)
+    }
+}
+
+impl Reporter for Outlets {
+    fn name(&self) -> &'static str {
+        NAME
     }
 
-    fn listed(&mut self) -> Vec<(usize, Particle)> {
-        self.listed.take()
+    fn counted(&self) -> Vec<(String, f64)> {
+        let of_one = |Running { outlet: Outlet { name, .. }, count, mass, .. }: &Running| {
+            [(format!("left_{name}"), *count as f64), (format!("left_{name}_kg"), *mass)]
+        };
+        self.all.iter().flat_map(of_one).collect()
     }
 
     fn warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)
     }
 
-    fn sizes_left(&self, shape: ShapeId) -> Vec<&Census> {
-        let of_shape = self.sizes.iter().flatten().filter(|(of, _)| *of == shape);
-        of_shape.map(|(_, census)| census).collect()
+    fn standing(&self) -> Standing {
+        let gone = self.all.iter().map(|running| running.count).sum();
+        Standing { gone, ..Standing::default() }
     }
 
-    fn gone(&self) -> u64 {
-        self.left.iter().map(|left| left.count).sum()
+    fn sizes_left(&self, shape: ShapeId) -> Vec<&Census> {
+        self.sizes.get(&shape).map_or_else(Vec::new, |(_, sizes)| sizes.iter().collect())
     }
 
     fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
-        let names = self.all.iter().map(|outlet| outlet.name.clone()).collect();
-        let counts = self.left.iter().map(|left| left.count).collect();
-        let masses = self.left.iter().map(|left| left.mass).collect();
+        let all = || self.all.iter();
         let mut columns = vec![
-            SavedColumn::new(NAMES, Values::Texts(names)),
-            SavedColumn::new(COUNT, Values::Counts(counts)),
-            SavedColumn::new(MASS, Values::Reals(masses)),
+            SavedColumn::texts(NAMES, all().map(|running| running.outlet.name.clone())),
+            SavedColumn::counts(COUNT, all().map(|running| running.count)),
+            SavedColumn::reals(MASS, all().map(|running| running.mass)),
         ];
-        for (number, shape) in self.sized.iter().enumerate() {
-            let all = self.of_shape(number);
-            if all.clone().any(|census| census.count() > 0) {
-                let [limits, sizes] = Self::sizes_columns(shape);
-                let of_limits = all.clone().flat_map(Census::limits).collect();
-                let sums = all.flat_map(Census::sums).copied().collect();
-                columns.push(SavedColumn::new(limits, Values::Reals(of_limits)));
-                columns.push(SavedColumn::new(sizes, Values::Integers(sums)));
+        for (shape, sizes) in self.sizes.values() {
+            if sizes.iter().any(|census| census.count() > 0) {
+                let [limits, sums] = Self::sizes_columns(shape);
+                columns.push(SavedColumn::reals(limits, sizes.iter().flat_map(Census::limits)));
+                let of_sizes = sizes.iter().flat_map(Census::sums).copied();
+                columns.push(SavedColumn::integers(sums, of_sizes));
             }
         }
         columns
     }
 
     /// A new stage counts from 0.
-    fn resume(
-        &mut self,
-        saved: &SavedState,
-        is_new_stage: bool,
-        _walls: &mut [Wall],
-        _is_root: bool,
-    ) -> Result<(), DriveError> {
-        if is_new_stage {
+    fn resume(&mut self, restart: &Restart, _walls: &mut [Wall]) -> Result<(), DriveError> {
+        if restart.is_new_stage {
             return Ok(());
         }
-        let rows = saved.texts(&NAMES)?.iter().zip(saved.counts(&COUNT)?).zip(saved.reals(&MASS)?);
-        let (mut rows_of, mut lost) = (vec![None; self.all.len()], BTreeSet::new());
-        for (row, ((name, &count), &mass)) in rows.enumerate() {
-            let index = self.all.iter().position(|outlet| outlet.name == *name);
-            if let Some(index) = index {
-                self.left[index] = Left { count, mass };
-                rows_of[index] = Some(row);
+        let &Restart { saved, library, .. } = restart;
+        let (names, counts, masses) =
+            (saved.texts(&NAMES)?, saved.counts(&COUNT)?, saved.reals(&MASS)?);
+        let row_of = |running: &Running| names.iter().position(|name| *name == running.outlet.name);
+        let rows: Vec<Option<usize>> = self.all.iter().map(row_of).collect();
+        for (running, row) in self.all.iter_mut().zip(&rows) {
+            if let &Some(row) = row {
+                (running.count, running.mass) = (counts[row], masses[row]);
             }
         }
-        for (number, shape) in self.sized.iter().enumerate() {
-            let [limits, sizes] = Self::sizes_columns(shape);
+        for shape in (0..library.particle_shapes).map(|shape| ShapeId(shape as u16)) {
+            let name = &library.names[shape.index()];
+            let [limits, sums] = Self::sizes_columns(name);
             // They are not there if none of the shape had left.
-            let (Ok(limits), Ok(sums)) = (saved.reals(&limits), saved.integers(&sizes)) else {
+            let (Ok(limits), Ok(sums)) = (saved.reals(&limits), saved.integers(&sums)) else {
                 continue;
             };
-            for (of_outlet, row) in self.sizes.iter_mut().zip(&rows_of) {
-                let census = &mut of_outlet[number].1;
-                let Some(row) = row else { continue };
+            let Some(sizes) = self.sizes_of(shape, library) else { continue };
+            let mut is_lost = false;
+            for (census, row) in sizes.iter_mut().zip(&rows) {
+                let &Some(row) = row else { continue };
                 if limits[2 * row..][..2] == census.limits() {
                     census.add_all(&sums[row * Census::SUMS..][..Census::SUMS]);
                 } else {
-                    lost.insert(shape.clone());
+                    is_lost = true;
                 }
             }
-        }
-        for shape in lost {
-            self.warnings.push(format!(
-                "shape `{shape}` had other limits of `size` before this restart: the report of sizes leaves out its particles that left before"
-            ));
+            if is_lost {
+                self.warnings.push(format!(
+                    "shape `{name}` had other limits of `size` before this restart: the report of sizes leaves out its particles that left before"
+                ));
+            }
         }
         Ok(())
     }

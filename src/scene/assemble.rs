@@ -13,7 +13,7 @@ use crate::drive::ledger::Ledger;
 use crate::drive::outlet::Outlets;
 use crate::drive::rain::RainGauge;
 use crate::drive::servo::{Goal, Servos};
-use crate::drive::{Drive, DriveError};
+use crate::drive::{Drive, DriveError, Observer};
 use crate::ids::{GlobalId, ShapeId};
 use crate::law::stability::time_step_limit;
 use crate::law::{ForceLaw, Sums};
@@ -200,6 +200,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         law,
         field: Field { gravity: scene.gravity, damping: scene.global_damping },
         drives: drives(scene),
+        observers: observers(scene),
         watch: Watch::new(scene.library.least_inscribed_radius()),
         found,
         active: Vec::new(),
@@ -230,22 +231,23 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
         drives.push(Box::new(Inlets::new(scene.inlets.clone(), scene.seed)));
     }
     if !scene.outlets.is_empty() {
-        drives.push(Box::new(Outlets::new(scene.outlets.clone(), &scene.library)));
+        drives.push(Box::new(Outlets::new(scene.outlets.clone())));
     }
     if !scene.servos.is_empty() {
-        drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.walls, &scene.library)));
+        drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.walls)));
     }
     if !scene.free_walls.is_empty() {
-        drives.push(Box::new(FreeWalls::new(
-            scene.free_walls.clone(),
-            &scene.walls,
-            &scene.library,
-        )));
-    }
-    if let Some(ledger) = Ledger::new(&scene.walls) {
-        drives.push(Box::new(ledger));
+        drives.push(Box::new(FreeWalls::new(scene.free_walls.clone(), &scene.walls)));
     }
     drives
+}
+
+/// What the scene has look on and act on nothing.
+fn observers(scene: &Scene) -> Vec<Box<dyn Observer>> {
+    Ledger::new(&scene.walls)
+        .map(|ledger| -> Box<dyn Observer> { Box::new(ledger) })
+        .into_iter()
+        .collect()
 }
 
 /// What a snapshot says to a run that goes on from it.
@@ -484,9 +486,6 @@ fn admit_sizes(
         for wall in &mut sim.particles.walls {
             wall.deepen_cells(farthest, &mut library);
         }
-    }
-    for drive in &mut sim.drives {
-        drive.admit(&library);
     }
     sim.particles.needs.scale = library.has_sizes();
     sim.watch = Watch::new(library.least_inscribed_radius());

@@ -5,7 +5,7 @@ use super::walls::Walls;
 use super::{Inlet, Mix, Rain};
 use crate::cell::Cell;
 use crate::drive::inlet::Amount;
-use crate::drive::rain::{LOOKED_AT, Layer, Within, has_place, places_within};
+use crate::drive::rain::{LOOKED_AT, Layer, Site, Within};
 use crate::drive::region::Region;
 use crate::ids::ShapeId;
 use crate::particles::Library;
@@ -47,13 +47,16 @@ impl Room<'_> {
         }
         let layer = Layer { seed: self.seed, look: 0, first_id: 0, most: rain.per_layer() };
         let count = |walls: &[&Wall]| {
-            places_within((rain, &region), layer, self.cell, walls, self.library).len() as u64
+            let site = Site { rain, region: &region, cell: self.cell, walls };
+            site.places(layer, self.library).len() as u64
         };
         let still: Vec<&Wall> = self.walls.still().collect();
         let all: Vec<&Wall> = self.walls.known().collect();
         let (places, beside_still, free) = (count(&[]), count(&still), count(&all));
         let largest = largest_radius(&rain.mix, self.library);
-        let fits = |walls: &[&Wall]| has_place((rain, &region), largest, self.cell, walls);
+        let fits = |walls: &[&Wall]| {
+            Site { rain, region: &region, cell: self.cell, walls }.has_place(largest)
+        };
         let problem = if !fits(&[]) {
             Some(format!(
                 "the largest particle, with a bounding radius of {largest:.4e} m, finds no place in the {} cells of a layer: give the region a larger \

@@ -4,12 +4,13 @@ use super::Simulation;
 use crate::comm::{Comm, Parcel, wire};
 use crate::contact::{ContactRecord, ContactRecords, Pair, StateColumn};
 use crate::contacts::Loaded;
-use crate::drive::{DriveError, SavedState};
+use crate::drive::{DriveError, Restart, SavedState, all_observers};
 use crate::ids::{GlobalId, Rank, ShapeId, Standing};
 use crate::math::{Quat, Vec3};
 use crate::motion;
 use crate::output::header::{Header, ShapeRow, WallRow};
 use crate::output::tables::{ContactRecordRows, ContactRow, ContactTable, ParticleTable, Rows};
+use crate::particles::Particles;
 use crate::particles::records::Particle;
 use crate::shape::Kind;
 use nalgebra::Quaternion;
@@ -131,17 +132,17 @@ impl Simulation {
         }
     }
 
-    /// The state of each drive that has one. Collective, if there are drives.
+    /// The state of each drive and observer that has one. Collective, if there are any.
     fn saved_drives(&self, comm: &mut dyn Comm) -> Vec<SavedState> {
         let walls = &self.particles.walls;
-        let saved = self.drives.iter().map(|drive| SavedState {
-            drive: drive.name().to_owned(),
-            columns: drive.save(walls, comm),
+        let saved = self.all_observers().map(|observer| SavedState {
+            drive: observer.name().to_owned(),
+            columns: observer.save(walls, comm),
         });
         saved.filter(|saved| !saved.columns.is_empty()).collect()
     }
 
-    /// Each drive goes on from what the one of its name has saved. A drive of which nothing was saved stays as it is.
+    /// Each drive and observer goes on from what the one of its name has saved. One of which nothing was saved stays as it is.
     ///
     /// # Errors
     /// If a drive cannot go on from it.
@@ -151,13 +152,16 @@ impl Simulation {
         is_new_stage: bool,
         comm: &dyn Comm,
     ) -> Result<(), DriveError> {
-        for drive in &mut self.drives {
-            match saved.iter().find(|saved| saved.drive == drive.name()) {
+        let Particles { library, walls, .. } = &mut self.particles;
+        let is_root = comm.is_root();
+        for observer in all_observers(&mut self.drives, &mut self.observers) {
+            match saved.iter().find(|saved| saved.drive == observer.name()) {
                 Some(saved) => {
-                    drive.resume(saved, is_new_stage, &mut self.particles.walls, comm.is_root())?;
+                    let restart = Restart { saved, is_new_stage, library, is_root };
+                    observer.resume(&restart, walls)?;
                 }
                 None if is_new_stage => {}
-                None => drive.joins()?,
+                None => observer.joins()?,
             }
         }
         Ok(())

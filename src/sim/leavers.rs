@@ -2,6 +2,7 @@
 
 use super::Simulation;
 use crate::comm::{Comm, everywhere};
+use crate::drive::Takes;
 use crate::ids::GlobalId;
 use crate::measure;
 use crate::motion;
@@ -12,8 +13,13 @@ use std::collections::BTreeSet;
 impl Simulation {
     /// Is there a particle that a drive may take?
     pub(super) fn has_leaver(&self) -> bool {
-        let is_open = self.drives.iter().any(|drive| drive.is_outlet());
-        is_open && self.leavers().next().is_some()
+        self.is_open() && self.leavers().next().is_some()
+    }
+
+    /// Does any drive take particles out?
+    fn is_open(&self) -> bool {
+        let moment = self.moment();
+        self.drives.iter().any(|drive| drive.takes(&moment) != Takes::Nothing)
     }
 
     /// Slots of the owned particles that have left the domain, or that have reached an outlet. Not a matter of when the pairs
@@ -21,7 +27,8 @@ impl Simulation {
     fn leavers(&self) -> impl Iterator<Item = usize> {
         let Self { particles, drives, .. } = self;
         let moment = self.moment();
-        let looking: Vec<_> = drives.iter().filter(|drive| drive.looks(&moment)).collect();
+        let looks_inside = drives.iter().filter(|drive| drive.takes(&moment) == Takes::Inside);
+        let looking: Vec<_> = looks_inside.collect();
         let owned = if looking.is_empty() { 0 } else { particles.owned };
         let reached = move |slot: &usize| {
             let position = &particles.position[*slot];
@@ -35,7 +42,7 @@ impl Simulation {
     /// particles, the same on all ranks. `dt` [s] is 0 at the start of a stage. Collective, if a drive may take any.
     pub(super) fn take_leavers(&mut self, dt: f64, comm: &mut dyn Comm) -> BTreeSet<GlobalId> {
         let mut taken = BTreeSet::new();
-        if !self.drives.iter().any(|drive| drive.is_outlet()) || !comm.any(self.has_leaver()) {
+        if !self.is_open() || !comm.any(self.has_leaver()) {
             return taken;
         }
         // One may be both outside and where it leaves.
@@ -50,8 +57,7 @@ impl Simulation {
         let mut leavers = everywhere(comm, &here.collect::<Vec<_>>());
         leavers.sort_unstable_by_key(|leaver| leaver.id);
         for leaver in leavers.iter().filter(|leaver| leaver.position.norm().is_finite()) {
-            let mass = particles.library.mass_at(leaver.shape, leaver.scale);
-            if drives.iter_mut().any(|drive| drive.take(&moment, leaver, mass, &particles.cell)) {
+            if drives.iter_mut().any(|drive| drive.take(&moment, leaver, particles)) {
                 taken.insert(leaver.id);
             }
         }

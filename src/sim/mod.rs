@@ -17,7 +17,9 @@ use crate::comm::{Comm, agree};
 use crate::contact::{ContactRecords, Found, Pair, Table, Touch, Why};
 use crate::contacts::{Contacts, Loaded};
 use crate::domain::{Domain, DomainError};
-use crate::drive::{Drive, DriveError, Moment, Newcomers};
+use crate::drive::{
+    Drive, DriveError, Moment, Newcomers, Observer, Reporter, Steering, View, all_observers,
+};
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Sums};
 use crate::math::Vec3;
@@ -74,6 +76,8 @@ pub struct Simulation {
     pub field: Field,
     /// What acts from outside, in the order in which it acts.
     pub drives: Vec<Box<dyn Drive>>,
+    /// What looks on and acts on nothing.
+    pub observers: Vec<Box<dyn Observer>>,
     /// Whether steps go too far.
     pub watch: Watch,
     /// What the resolvers say of a few pairs, and how many pairs each resolver of a chain resolved.
@@ -221,9 +225,7 @@ impl Simulation {
         self.find_forces(self.dt)?;
         self.watch.note_depths(&self.particles, &self.contacts);
         self.count_work_of_images(self.dt);
-        for drive in &mut self.drives {
-            drive.after_forces(&self.contacts, &self.particles, &self.sums);
-        }
+        self.show_forces(self.dt);
         self.clock.lap(Phase::Forces);
         motion::kick(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
@@ -233,14 +235,15 @@ impl Simulation {
     /// Begins to add up what drives ask for; returns how many numbers each has asked for. Collective, if any has.
     fn start_sums(&self, comm: &mut dyn Comm) -> Vec<usize> {
         let moment = self.moment();
-        let (mut asked, mut sums) = (Vec::new(), Vec::new());
-        for drive in &self.drives {
-            let numbers = drive.sums(&moment, &self.particles, &self.contacts, &*self.law);
+        let Self { drives, particles, contacts, law, sums, .. } = self;
+        let view = View { moment, particles, contacts, law: &**law, sums };
+        let (mut asked, mut all) = (Vec::new(), Vec::new());
+        for numbers in drives.iter().map(|drive| drive.sums(&view)) {
             asked.push(numbers.len());
-            sums.extend(numbers);
+            all.extend(numbers);
         }
-        if !sums.is_empty() {
-            comm.start_sum(sums);
+        if !all.is_empty() {
+            comm.start_sum(all);
         }
         asked
     }
@@ -253,11 +256,19 @@ impl Simulation {
         for (drive, &count) in self.drives.iter_mut().zip(asked) {
             let (sums, others) = rest.split_at(count);
             rest = others;
-            let Particles { cell, walls, .. } = &mut self.particles;
-            let steered = drive.steer(&moment, sums, cell, walls);
+            let Particles { cell, library, walls, .. } = &mut self.particles;
+            let steered = drive.steer(Steering { moment, sums, cell, library, walls });
             steered.map_err(|error| StepError::Drive { step: moment.step, error })?;
         }
         Ok(())
+    }
+
+    /// Shows forces that were just found, `dt` [s] after those before, to all that looks on.
+    fn show_forces(&mut self, dt: f64) {
+        let moment = Moment { dt, ..self.moment() };
+        let Self { drives, observers, particles, contacts, law, sums, .. } = self;
+        let view = View { moment, particles, contacts, law: &**law, sums };
+        all_observers(drives, observers).for_each(|observer| observer.after_forces(&view));
     }
 
     /// Brings the ghosts up to date, and asks all ranks whether the list is good for these positions. If not, a new one is
@@ -287,11 +298,11 @@ impl Simulation {
     /// The first half of [`Simulation::begin`]. Collective.
     ///
     /// # Panics
-    /// If two drives have one name: their saved states could not be distinguished.
+    /// If two drives or observers have one name: their saved states could not be distinguished.
     fn list_first(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         let mut names = BTreeSet::new();
-        for drive in &self.drives {
-            assert!(names.insert(drive.name()), "two drives are called {}", drive.name());
+        for name in self.all_observers().map(Reporter::name) {
+            assert!(names.insert(name), "two drives are called {name}");
         }
         self.lists_since_cut = LISTS_BETWEEN_CUTS;
         self.watch.note_ahead(&self.particles, self.dt);
@@ -303,9 +314,7 @@ impl Simulation {
     fn find_first_forces(&mut self) -> Result<(), StepError> {
         // No time has passed: springs do not stretch.
         self.find_forces(0.0)?;
-        for drive in &mut self.drives {
-            drive.first_forces(&self.contacts, &self.particles);
-        }
+        self.show_forces(0.0);
         self.count_initial_energy();
         self.count_work_of_images(0.5 * self.dt);
         Ok(())
@@ -367,6 +376,17 @@ impl Simulation {
         self.contacts.rebuild(&self.pairs, &self.particles, &places, carried);
         self.particles.trim();
         self.domain.traffic.rebuilds += 1;
+    }
+
+    /// All that looks on: drives, and after them observers that act on nothing.
+    pub fn all_observers(&self) -> impl Iterator<Item = &dyn Observer> {
+        let of_drives = self.drives.iter().map(|drive| -> &dyn Observer { &**drive });
+        of_drives.chain(self.observers.iter().map(|observer| &**observer))
+    }
+
+    /// The same, to be asked for what they hand out.
+    pub fn all_observers_mut(&mut self) -> impl Iterator<Item = &mut dyn Observer> {
+        all_observers(&mut self.drives, &mut self.observers)
     }
 
     /// Time since the first stage began [s].

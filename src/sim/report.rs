@@ -9,6 +9,7 @@ use super::watch::Watch;
 use crate::comm::Comm;
 use crate::contact::Tally;
 use crate::domain::Traffic;
+use crate::drive::Observer;
 use crate::law::stability::{highest_frequency, time_step_limit};
 use crate::measure::Measures;
 use crate::output::report::{
@@ -24,6 +25,7 @@ use std::f64::consts::TAU;
 pub fn report(sim: &Simulation, finish: &Finish, origin: &Origin, comm: &mut dyn Comm) -> Report {
     let (tally, traffic) = totals(sim, comm);
     let last_warnings = last_warnings(sim, finish);
+    let (walls, has_stopped) = (&sim.particles.walls, finish.ending == Ending::Rest);
     let mut warnings = Vec::new();
     for warning in origin.doubts.iter().chain(&finish.warnings).chain(&last_warnings) {
         if !warnings.contains(warning) {
@@ -41,7 +43,10 @@ pub fn report(sim: &Simulation, finish: &Finish, origin: &Origin, comm: &mut dyn
         sizes: sizes(&sim.particles, &sim.drives, comm),
         counted: counted(sim).collect(),
         resolution: resolution(sim, finish, comm),
-        targets: sim.drives.iter().flat_map(|drive| drive.kept(&sim.particles.walls)).collect(),
+        targets: sim
+            .all_observers()
+            .flat_map(|drive| drive.outcome(walls, has_stopped).kept)
+            .collect(),
         ranks: ranks(sim, finish, &traffic, comm),
         memory: memory(sim, comm),
         warnings,
@@ -53,14 +58,15 @@ fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
     let unmet = &finish.unmet;
     let stop = (!unmet.is_empty()).then(|| format!("[stop] was not reached: {unmet}"));
     let has_stopped = finish.ending == Ending::Rest;
-    // What is cut short goes on.
-    let drives = if finish.ends_stage { &sim.drives[..] } else { &[] };
     // An error for which `[stop]` waited is as small as was asked for.
     let awaited = |key| finish.stop.drives.iter().any(|(of, _)| of == key);
-    let of_drives = drives
-        .iter()
-        .filter(|drive| !has_stopped || !drive.error().is_some_and(|(key, _)| awaited(key)))
-        .flat_map(|drive| drive.last_warnings(&sim.particles.walls, has_stopped));
+    let is_kept =
+        |drive: &dyn Observer| drive.standing().error.is_some_and(|(key, _)| awaited(key));
+    // What is cut short goes on.
+    let of_drives = sim
+        .all_observers()
+        .filter(|drive| finish.ends_stage && !(has_stopped && is_kept(*drive)))
+        .flat_map(|drive| drive.outcome(&sim.particles.walls, has_stopped).warnings);
     let balance = finish.measures.poor_balance(finish.most_moving, sim.dt);
     let others = [overlap(finish), hollow(sim, finish), balance, finish.stiffened.clone()];
     stop.into_iter().chain(of_drives).chain(others.into_iter().flatten()).collect()
@@ -85,7 +91,7 @@ const BEARING: f64 = 3.0;
 
 /// A few chains of particles may carry a stress and rest, while the others float: that is no packing.
 fn hollow(sim: &Simulation, finish: &Finish) -> Option<String> {
-    let is_pressed = sim.drives.iter().any(|drive| drive.error().is_some());
+    let is_pressed = sim.all_observers().any(|drive| drive.standing().error.is_some());
     let coordination = finish.measures.coordination();
     (is_pressed && finish.ending == Ending::Rest && coordination < BEARING).then(|| {
         format!(

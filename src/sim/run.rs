@@ -8,7 +8,8 @@ use super::watch::{DEEPEST_ON_SURFACE, Fault};
 use super::{Simulation, StepError, steps_of};
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
-use crate::drive::CHECK_EVERY;
+use crate::drive::lists::Lists;
+use crate::drive::{CHECK_EVERY, Reporter, Row, all_observers};
 use crate::ids::GlobalId;
 use crate::math::Vec3;
 use crate::measure::Measures;
@@ -217,7 +218,7 @@ pub fn run(
 
         let signal = stop_check.signal(sim.step, &schedule.signal, comm);
         let mut warnings: Vec<String> =
-            sim.drives.iter_mut().flat_map(|drive| drive.warnings()).collect();
+            sim.all_observers_mut().flat_map(Reporter::warnings).collect();
         ending = records.after_step(sim, &mut warnings, comm)?;
         let is_last = sim.step == records.last_step;
         if let Some(signal) = signal.filter(|_| !is_last && ending == Ending::LastStep) {
@@ -288,8 +289,8 @@ struct Records<'a> {
     last_step: u64,
     /// On rank 0.
     history: Option<History>,
-    /// Of each drive its lists of particles that come and go, on rank 0 alone.
-    lists: Vec<Vec<List>>,
+    /// Of all observers the lists of particles that come and go, on rank 0 alone.
+    lists: Vec<List>,
     /// Overlaps at which a run still has to warn.
     depths: Peekable<IntoIter<f64, 2>>,
     /// The stable limit, of laws that stiffen with load.
@@ -307,7 +308,11 @@ struct Records<'a> {
 }
 
 impl<'a> Records<'a> {
-    fn open(sim: &Simulation, schedule: &'a Schedule, comm: &dyn Comm) -> Result<Self, RunError> {
+    fn open(
+        sim: &mut Simulation,
+        schedule: &'a Schedule,
+        comm: &dyn Comm,
+    ) -> Result<Self, RunError> {
         let (history, lists) = if comm.is_root() {
             // The last row of a run that was stopped off its schedule would not be there had it gone on.
             let (stage_begin, first_step) = (sim.stage_begin.0, sim.step);
@@ -354,17 +359,11 @@ impl<'a> Records<'a> {
     /// Adds the particles that came and went at this step to the lists.
     fn list(&mut self, sim: &mut Simulation) -> Result<(), TableError> {
         let moment = (sim.step, sim.time());
-        for (drive, lists) in sim.drives.iter_mut().zip(&mut self.lists) {
-            if lists.is_empty() {
-                continue;
-            }
-            let listed = drive.listed();
-            if listed.is_empty() {
-                continue;
-            }
-            for (number, list) in lists.iter_mut().enumerate() {
-                let of_list = listed.iter().filter(|(of, _)| *of == number);
-                list.push(moment, of_list.map(|(_, grain)| grain), &sim.particles.library)?;
+        let Simulation { drives, observers, particles, .. } = sim;
+        let lists = all_observers(drives, observers).filter_map(|observer| observer.lists());
+        for (file, passed) in self.lists.iter_mut().zip(lists.flat_map(Lists::take)) {
+            if !passed.is_empty() {
+                file.push(moment, passed.iter(), &particles.library)?;
             }
         }
         Ok(())
@@ -373,7 +372,7 @@ impl<'a> Records<'a> {
     /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
     fn sync(&self) -> Result<(), TableError> {
         self.history.as_ref().map_or(Ok(()), History::sync)?;
-        self.lists.iter().flatten().try_for_each(List::sync)
+        self.lists.iter().try_for_each(List::sync)
     }
 
     /// Writes a snapshot, after the rows of before. Collective.
@@ -466,12 +465,8 @@ impl<'a> Records<'a> {
         if row_due || is_at_rest {
             // A row off the schedule would not be there had the run gone on.
             let scheduled = due(sim.step, schedule.history_every);
-            let mut forces = measures.wall_forces.clone();
-            for drive in &mut sim.drives {
-                drive.row(&mut forces, scheduled, comm);
-                drive.note_speed(measures.largest_speed, sim.dt);
-            }
-            self.push(sim, &measures, &forces)?;
+            let row = sim.show_row(&measures, scheduled, comm);
+            self.push(sim, &measures, &row.wall_forces)?;
         }
         if snapshot_due {
             self.snapshot = Some(self.save(sim, ending, &measures, comm)?);
@@ -544,9 +539,7 @@ impl<'a> Records<'a> {
         };
         self.note(sim.step, &measures);
         // A run that is stopped between two rows reports what it has counted since.
-        for drive in &mut sim.drives {
-            drive.row(&mut measures.wall_forces.clone(), false, comm);
-        }
+        sim.show_row(&measures, false, comm);
         let snapshot = match self.snapshot.take() {
             Some(snapshot) => snapshot,
             None => self.save(sim, ending, &measures, comm)?,
@@ -556,6 +549,14 @@ impl<'a> Records<'a> {
 }
 
 impl Simulation {
+    /// Shows a row of the history to all that looks on, and returns it as they leave it. Collective.
+    fn show_row(&mut self, measures: &Measures, scheduled: bool, comm: &mut dyn Comm) -> Row {
+        let (wall_forces, fastest) = (measures.wall_forces.clone(), measures.largest_speed);
+        let mut row = Row { wall_forces, fastest, dt: self.dt, scheduled };
+        self.all_observers_mut().for_each(|observer| observer.row(&mut row, comm));
+        row
+    }
+
     /// Warnings about how far bodies move in a step. Collective.
     fn warn_of_motions(&mut self, comm: &mut dyn Comm) -> Vec<String> {
         let largest = self.largest_motions(comm);
@@ -570,18 +571,17 @@ impl Simulation {
     }
 }
 
-/// The lists of each drive, with what the run that this one continues has written.
-fn lists(sim: &Simulation, schedule: &Schedule) -> Result<Vec<Vec<List>>, TableError> {
-    let keep = |step: u64| schedule.resumed && step <= sim.step;
-    let of_drives = sim.drives.iter().map(|drive| drive.lists());
-    of_drives
-        .map(|names| names.iter().map(|name| List::open(&schedule.out, name, keep)).collect())
-        .collect()
+/// The lists of all observers, with what the run that this one continues has written.
+fn lists(sim: &mut Simulation, schedule: &Schedule) -> Result<Vec<List>, TableError> {
+    let last = sim.step;
+    let keep = |step: u64| schedule.resumed && step <= last;
+    let all = sim.all_observers_mut().filter_map(|observer| observer.lists());
+    all.flat_map(|lists| lists.names()).map(|name| List::open(&schedule.out, name, keep)).collect()
 }
 
 /// What drives have counted: columns of the history and numbers.
 pub(super) fn counted(sim: &Simulation) -> impl Iterator<Item = (String, f64)> {
-    sim.drives.iter().flat_map(|drive| drive.counted())
+    sim.all_observers().flat_map(Reporter::counted)
 }
 
 /// The largest kinetic and elastic energy of the stage, that of now included [J].

@@ -1,6 +1,7 @@
 //! When a stage ends before its last step.
 
 use super::Simulation;
+use crate::drive::{Reporter, Standing};
 use crate::math::Vec3;
 use crate::measure::Measures;
 use crate::particles::walls::Wall;
@@ -18,7 +19,7 @@ pub struct Stop {
     pub left: Option<u64>,
     /// No more than so many particles are there, and none are still to come.
     pub remaining: Option<u64>,
-    /// The error of a drive is below this, by the drive's key: [`crate::drive::Drive::error`].
+    /// The error of a drive is below this, by the drive's key: [`crate::drive::Standing::error`].
     pub drives: Vec<(String, f64)>,
     /// Not before the stage has lasted so long [s].
     pub after: f64,
@@ -53,15 +54,14 @@ impl Stop {
         }
         let of_contacts =
             self.rest.is_some() || self.unbalanced.is_some() || !self.drives.is_empty();
+        let standings: Vec<Standing> = sim.all_observers().map(Reporter::standing).collect();
         if of_contacts || self.remaining.is_some() {
-            unmet.extend(
-                sim.drives.iter().filter_map(|drive| drive.unfinished()).map(str::to_owned),
-            );
+            unmet.extend(standings.iter().filter_map(|one| one.unfinished).map(str::to_owned));
         }
         if of_contacts {
             unmet.extend(walls_under_way(sim, measures));
         }
-        let gone: u64 = sim.drives.iter().map(|drive| drive.gone()).sum();
+        let gone: u64 = standings.iter().map(|one| one.gone).sum();
         if let Some(left) = self.left.filter(|&left| gone < left) {
             unmet.push(format!("{gone} of {left} particles have left"));
         }
@@ -78,8 +78,8 @@ impl Stop {
             ("rest", measures.kinetic() / measures.dissipated, self.rest),
             ("unbalanced", measures.unbalanced, self.unbalanced),
         ];
-        let of_drives = sim.drives.iter().filter_map(|drive| {
-            let (key, error) = drive.error()?;
+        let of_drives = standings.iter().filter_map(|one| {
+            let (key, error) = one.error?;
             let limit = self.drives.iter().find(|(of, _)| of == key);
             Some((key, error, limit.map(|(_, limit)| *limit)))
         });
@@ -106,7 +106,7 @@ fn walls_under_way<'a>(
         let end = wall.course.as_ref()?.end().filter(|&end| time < end)?;
         Some(format!("wall \"{}\" follows its table until {end} s", wall.name))
     };
-    let by_drives = sim.drives.iter();
-    let by_drives = by_drives.filter_map(|drive| drive.under_way(walls, &measures.wall_forces));
+    let forces = &measures.wall_forces;
+    let by_drives = sim.all_observers().filter_map(|drive| drive.under_way(walls, forces));
     walls.iter().filter_map(follows).chain(by_drives)
 }

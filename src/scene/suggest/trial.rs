@@ -124,7 +124,8 @@ impl<'a> Trials<'a> {
             )));
         };
         if let Some(inlet) = scene.inlets.iter().find(|inlet| {
-            inlet.until.is_none() || sim.drives.iter().any(|drive| drive.unfinished().is_some())
+            inlet.until.is_none()
+                || sim.drives.iter().any(|drive| drive.standing().unfinished.is_some())
         }) {
             return Err(Unanswered::Input(format!(
                 "{}: grains of inlet `{}` appear in other places with every step, so trials cannot be compared: try a stage without \

@@ -1,0 +1,150 @@
+//! How a servo keeps its target: its errors over steps, the course of a stage, swings.
+
+use crate::drive::CHECK_EVERY;
+
+/// How a servo kept its target over steps on end; errors are (stress - target) / target, or the same of forces.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Errors {
+    /// How many steps, a whole number.
+    pub(super) steps: f64,
+    /// Sum of the errors.
+    sum: f64,
+    /// Sum of their magnitudes.
+    sizes: f64,
+    /// The largest magnitude.
+    pub(super) largest: f64,
+}
+
+impl Errors {
+    /// As a snapshot has them.
+    pub(super) const fn numbers(&self) -> [f64; 4] {
+        let Self { steps, sum, sizes, largest } = *self;
+        [steps, sum, sizes, largest]
+    }
+
+    /// From what a snapshot has.
+    pub(super) const fn of(numbers: &[f64; 4]) -> Self {
+        let [steps, sum, sizes, largest] = *numbers;
+        Self { steps, sum, sizes, largest }
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self {
+            steps: self.steps + other.steps,
+            sum: self.sum + other.sum,
+            sizes: self.sizes + other.sizes,
+            largest: self.largest.max(other.largest),
+        }
+    }
+
+    /// Mean magnitude of the errors.
+    pub(super) fn mean_size(&self) -> f64 {
+        self.sizes / self.steps
+    }
+
+    /// The error of the mean stress.
+    pub(super) fn of_mean(&self) -> f64 {
+        self.sum / self.steps
+    }
+}
+
+/// The largest number of intervals of a stage with errors of their own.
+pub(super) const PARTS: usize = 40;
+
+/// The errors of a stage in equal parts, of which the last may still grow: when there are [`PARTS`], two become one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Course(Vec<Errors>);
+
+impl Course {
+    /// From the [`PARTS`] of a snapshot, of which those without steps are not there.
+    pub(super) fn of(parts: &[[f64; 4]]) -> Self {
+        Self(parts.iter().map(Errors::of).filter(|part| part.steps > 0.0).collect())
+    }
+
+    /// As a snapshot has it.
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        let mut parts: Vec<_> = self.0.iter().map(Errors::numbers).collect();
+        parts.resize(PARTS, [0.0; 4]);
+        parts.into_flattened()
+    }
+
+    fn add(&mut self, step: Errors) {
+        let Self(parts) = self;
+        let full = parts.first().map_or(0.0, |part| part.steps);
+        if let Some(last) = parts.last_mut().filter(|part| part.steps < full) {
+            *last = last.and(step);
+            return;
+        }
+        if parts.len() == PARTS {
+            *parts = parts.chunks(2).map(|two| two[0].and(two[1])).collect();
+        }
+        parts.push(step);
+    }
+
+    /// Over the last fifth of the stage so far, or a little more, as parts end.
+    pub(super) fn last_fifth(&self) -> Errors {
+        let steps: f64 = self.0.iter().map(|part| part.steps).sum();
+        let mut late = Errors::default();
+        for part in self.0.iter().rev() {
+            if 5.0 * late.steps >= steps {
+                break;
+            }
+            late = part.and(late);
+        }
+        late
+    }
+}
+
+/// What a servo remembers of its errors in a stage.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Record {
+    /// Since the stage began.
+    pub(super) course: Course,
+    /// Since the last step that [`CHECK_EVERY`] divides.
+    pub(super) recent: Errors,
+    swings: Swings,
+}
+
+impl Record {
+    /// Records the error of a step; true when it is time to warn of swings, once.
+    pub(super) fn note(&mut self, step: u64, error: f64) -> bool {
+        let now = Errors { steps: 1.0, sum: error, sizes: error.abs(), largest: error.abs() };
+        self.course.add(now);
+        let before = if step.is_multiple_of(CHECK_EVERY) { Errors::default() } else { self.recent };
+        self.recent = before.and(now);
+        self.swings.note(error)
+    }
+}
+
+/// Steps on end in which the stress must jump from one side of its target to the other, and jump no less,
+/// before a warning that the servo oscillates.
+pub(super) const SWINGS: u32 = 100;
+/// Smaller errors than this are no swings, over the target.
+const QUIET: f64 = 1e-3;
+
+/// Looks whether the stress swings about its target.
+#[derive(Clone, Copy, Debug, Default)]
+struct Swings {
+    /// What was missing at the last step, over the target.
+    error: f64,
+    swings: u32,
+    /// The error with which the swings began.
+    first: f64,
+    /// Has the warning been given?
+    warned: bool,
+}
+
+impl Swings {
+    /// Records the error of a step; true when it is time to warn, once.
+    fn note(&mut self, error: f64) -> bool {
+        let swings = error * self.error < 0.0 && error.abs() > QUIET;
+        if !swings {
+            (self.swings, self.first) = (0, error.abs());
+        }
+        self.swings += 1;
+        self.error = error;
+        let warn = !self.warned && self.swings > SWINGS && error.abs() >= self.first;
+        self.warned |= warn;
+        warn
+    }
+}
