@@ -28,10 +28,6 @@ gravity = [{:e}, {:e}, {:e}]
 [law]
 {}
 adhesion = "dmt"
-[domain]
-low = [-1, -1, 0]
-high = [1, 1, 1]
-walls = ["-z"]
 [[material]]
 name = "m"
 density = {DENSITY}
@@ -46,16 +42,8 @@ radius = {RADIUS}
 name = "small"
 kind = "sphere"
 radius = {SMALL}
-[[fill.lattice]]
-shapes = ["ball"]
-first = [0, 0, 0.1]
-count = [1, 1, 1]
-spacing = 1
 [time]
 step = {step:e}
-steps = 1
-[output]
-directory = "out"
 "#,
         down.x, down.y, down.z, law[0], law[1]
     )
@@ -267,8 +255,6 @@ step = 1e-8
 steps = 1000
 [stop]
 unbalanced = 0.1
-[output]
-directory = "out"
 "#,
         period = f64::from(count) * spacing,
         first = 0.5 * spacing,

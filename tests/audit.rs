@@ -35,8 +35,6 @@ count = [20, 20, 4]
 [time]
 step = 1e-6
 steps = 100
-[output]
-directory = "out"
 [contact]
 {contact}
 [audit]

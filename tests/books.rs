@@ -123,7 +123,7 @@ fn a_grain_that_leaves_takes_its_energy_along() {
          [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.01\n\
          [[fill.lattice]]\nfirst = [0.5, 0.5, 0.9]\ncount = [1, 1, 1]\nvelocity = [0, 0, -1]\n\
          [[outlet]]\nname = \"drain\"\npoint = [0, 0, 0.5]\nnormal = [0, 0, 1]\nevery = 1\n\
-         [time]\nstep = 1e-3\nsteps = 1000\n[output]\ndirectory = \"out\"\n",
+         [time]\nstep = 1e-3\n",
     );
     let mut comm = Alone::default();
     let mut sim = begun(&scene, &mut comm);

@@ -198,14 +198,11 @@ path = "{rows}"
 rolling = "spring"
 [time]
 step = 1e-4
-steps = {STEPS}
 # The limit is that of grains among twelve others; here each has one contact.
 allow_unstable = true
 [neighbours]
 # Cut once: grains come from rank to rank.
 imbalance = 100
-[output]
-directory = "out"
 "#
         ))
     }

@@ -1,8 +1,7 @@
 //! Impacts of ellipsoids by Hertz's law: restitution, energy, and what must not matter. The exact elliptic solution stands in
 //! `benchmarks/verification/cases/elliptic.rs`.
 
-use crate::support::{Bench, close};
-use dem_mpi::ids::{GlobalId, ShapeId};
+use crate::support::{Bench, at, close};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
@@ -41,24 +40,13 @@ poisson_ratio = 0.0
 name = "grain"
 material = "m"
 {shape}
-[[fill.lattice]]
-first = [0, 0, 0.05]
-count = [1, 1, 1]
-spacing = 1
 [time]
 step = {step:e}
-steps = 1
-[output]
-directory = "out"
 "#
     )
 }
 
 const LONG: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.002, 0.001, 0.001]";
-
-fn at(id: u64, position: Vec3, velocity: Vec3) -> Particle {
-    Particle { velocity, ..Particle::at_rest(GlobalId(id), ShapeId(0), position) }
-}
 
 /// The restitution asked for comes out, attraction cut off or not.
 #[test]

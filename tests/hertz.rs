@@ -1,12 +1,10 @@
 //! Hertz and Mindlin between spheres against closed forms: the impacts of Chung and Ooi (2011, DOI
 //! 10.1007/s10035-011-0277-0), restitution, gross sliding, and the balance of energies.
 
-use crate::support::{Bench, begun, close, expect_refused, scene, schedule};
+use crate::support::{Bench, at, begun, close, expect_refused, scene, schedule};
 use dem_mpi::comm::alone::Alone;
-use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::law::stability::time_step_limit;
 use dem_mpi::math::Vec3;
-use dem_mpi::particles::records::Particle;
 use dem_mpi::scene::Scene;
 use dem_mpi::sim::run;
 
@@ -61,20 +59,23 @@ name = "ball"
 kind = "sphere"
 material = "m"
 radius = {radius:e}
-[[fill.lattice]]
-first = [0, 0, {radius:e}]
-count = [1, 1, 1]
-spacing = 1
 [time]
 step = {step:e}
-steps = 1
-[output]
-directory = "out"
 "#,
             law = self.law,
             contact = self.contact,
             radius = self.radius,
             low = -size,
+        )
+    }
+
+    /// The sphere strikes the floor at this speed [m/s], and every step is looked at.
+    fn thrown(&self, step: f64, speed: f64) -> String {
+        format!(
+            "{}steps = 600\n[[fill.lattice]]\nfirst = [0, 0, {:e}]\ncount = [1, 1, 1]\n\
+             velocity = [0, 0, -{speed}]\n[output]\nhistory_every = 1\n",
+            self.text(step),
+            self.radius
         )
     }
 
@@ -91,10 +92,6 @@ directory = "out"
         // 2 √π Γ(1.4) / Γ(0.9)
         [2.943_275_2 * overlap / speed, overlap, force]
     }
-}
-
-fn at(id: u64, position: Vec3, velocity: Vec3) -> Particle {
-    Particle { velocity, ..Particle::at_rest(GlobalId(id), ShapeId(0), position) }
 }
 
 /// Just touching the floor.
@@ -293,11 +290,7 @@ fn an_overlap_beyond_what_the_step_was_found_for_is_told_where_little_is_left() 
         let made_for = scene(&case.text(1e-9));
         let limit = time_step_limit(&made_for.library, &*made_for.force_law()).unwrap().dt;
         let step = part * limit * (0.02 * case.radius / overlap).powf(0.25).min(1.0);
-        let text = case
-            .text(step)
-            .replace("spacing = 1", &format!("spacing = 1\nvelocity = [0, 0, -{speed}]"));
-        let text = text.replace("steps = 1", "steps = 600");
-        let scene = scene(&text.replace("[output]", "[output]\nhistory_every = 1"));
+        let scene = scene(&case.thrown(step, speed));
         assert_eq!(overlap / case.radius > 0.02, speed > 1.0, "{overlap:e}");
         let (mut sim, mut comm) = (begun(&scene, &mut Alone::default()), Alone::default());
         let folder = tempfile::tempdir().unwrap();
@@ -331,7 +324,7 @@ fn the_step_of_a_compression_is_found_for_its_stress() {
          [[material]]\nname = \"sand\"\ndensity = 2650\nyoungs_modulus = {youngs:e}\npoisson_ratio = {poisson}\nfriction = 0.3\nrestitution = 0.3\n\
          [[shape]]\nname = \"grain\"\nkind = \"sphere\"\ndiameter = 2.4e-3\nsize = {{ uniform = [0.8, 1.2] }}\n\
          [[fill.lattice]]\njitter = 1e-5\n{}{}{}\
-         [time]\nstep = \"auto\"\nsteps = 100_000\n[stop]\nservo = 0.05\nunbalanced = 0.02\n[output]\ndirectory = \"out\"\n",
+         [time]\nstep = \"auto\"\nsteps = 100_000\n[stop]\nservo = 0.05\nunbalanced = 0.02\n",
         servo("x"),
         servo("y"),
         servo("z")
@@ -386,14 +379,9 @@ fn the_step_of_a_compression_is_found_for_its_stress() {
 fn a_step_over_the_limit_that_a_load_leaves_ends_the_run() {
     let law = "largest_overlap = 0.001";
     let case = Case { material: [1e9, 0.3, 2500.0], radius: 0.01, contact: "", law };
-    let text = case
-        .text(1e-9)
-        .replace("spacing = 1", "spacing = 1\nvelocity = [0, 0, -4]")
-        .replace("[output]", "[output]\nhistory_every = 1");
-    let made_for = scene(&text);
+    let made_for = scene(&case.text(1e-9));
     let limit = time_step_limit(&made_for.library, &*made_for.force_law()).unwrap().dt;
-    let text = text.replace("step = 1e-9", &format!("step = {:e}", 0.9 * limit));
-    let text = text.replace("steps = 1\n", "steps = 600\n");
+    let text = case.thrown(0.9 * limit, 4.0);
     let words = ["over the stable limit", "take a step of", "time.allow_unstable"];
     let run_with = |allowed: bool| {
         let scene = scene(&text.replace("[time]", &format!("[time]\nallow_unstable = {allowed}")));

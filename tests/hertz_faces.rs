@@ -170,9 +170,6 @@ spacing = 0.0045
 velocity = [0.3, 0.2, -1.5]
 [time]
 step = 1e-6
-steps = 1
-[output]
-directory = "out"
 "#
     )
 }

@@ -1,7 +1,6 @@
 //! Walls of triangles: planes however they are cut, edges and corners in closed form, folds, energy, equal bits.
 
-use crate::support::{Bench, MATERIAL, OnRanks, begun, close, motion, save, scene};
-use dem_mpi::comm::{Comm, threads};
+use crate::support::{Bench, MATERIAL, OnRanks, close, scene};
 use dem_mpi::contact::{AgainstTriangleMesh, ContactResolver, Epa, Outcome, Posed, Touch};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3, rotation_about};
@@ -9,8 +8,7 @@ use dem_mpi::output::snapshot::Reader;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::post::export;
 use dem_mpi::random::Random;
-use dem_mpi::scene::assemble::Continuation;
-use dem_mpi::scene::{Scene, assemble};
+use dem_mpi::scene::Scene;
 use dem_mpi::shape::mesh;
 use dem_mpi::shape::triangle_mesh::{MeshFacet, SurfaceError, TriangleMesh};
 use dem_mpi::shape::{Ellipsoid, Polyhedron, Shape, Sphere, Superellipsoid};
@@ -110,14 +108,8 @@ restitution = 1
 [[shape]]
 name = "grain"
 {shape}
-[[fill.lattice]]
-first = [0, 0, 0.05]
-count = [1, 1, 1]
 [time]
 step = 1e-5
-steps = 1
-[output]
-directory = "out"
 "#,
         gravity.x, gravity.y, gravity.z
     )
@@ -637,11 +629,6 @@ low = [-0.017, -0.017, 0.008]
 high = [0.017, 0.017, 0.05]
 spacing = 0.005
 velocity = [0.3, -0.2, -1.0]
-[time]
-step = 1e-5
-steps = 3000
-[output]
-directory = "out"
 "#
     ))
 }
@@ -651,45 +638,20 @@ fn a_turning_tray_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     let folder = tempfile::tempdir().unwrap();
     let scene = tray(folder.path());
     let steps = 2400;
-    let state = |ranks: u32, from: Option<&Path>, until: u64, to: Option<&Path>| {
-        let parts = threads::run(ranks, |comm| {
-            let mut sim = if let Some(path) = from {
-                let mut sim = assemble::assemble(&scene, comm);
-                assemble::take_up(&mut sim, &scene, path, Continuation::SameStage, comm).unwrap();
-                sim
-            } else {
-                begun(&scene, comm)
-            };
-            while sim.step < until {
-                sim.step(comm).unwrap();
-            }
-            if let Some(path) = to {
-                save(&sim, path, &scene, comm);
-            }
-            let first = sim.particles.first_facet();
-            let on_mesh = |pair: &dem_mpi::contact::Pair| {
-                pair.b.index() >= first && sim.particles.wall_of(pair.b) == Some(6)
-            };
-            let meshed = sim.contacts.iter().filter(|(pair, _)| on_mesh(pair)).count();
-            let m = sim.measure(comm);
-            let scalars = [m.kinetic(), m.stored, m.dissipated, m.received].map(f64::to_bits);
-            let table = sim.particle_table(comm.rank());
-            (motion(&table).collect::<Vec<_>>(), meshed, scalars)
-        });
-        let mut all: Vec<_> = parts.iter().flat_map(|part| part.0.clone()).collect();
-        all.sort();
-        (all, parts.iter().map(|part| part.1).sum::<usize>(), parts[0].2)
-    };
-    let alone = state(1, None, steps, None);
-    assert!(alone.0.len() > 150 && alone.1 > 40, "{} with {} contacts", alone.0.len(), alone.1);
+    let (alone, meshed) = OnRanks::of(&scene).run_and_look(1, steps, |sim| {
+        let first = sim.particles.first_facet();
+        let on_mesh = |pair: &dem_mpi::contact::Pair| {
+            pair.b.index() >= first && sim.particles.wall_of(pair.b) == Some(6)
+        };
+        sim.contacts.iter().filter(|(pair, _)| on_mesh(pair)).count()
+    });
+    let count = alone.bits.len();
+    assert!(count > 150 && meshed[0] > 40, "{count} with {meshed:?} contacts");
     for ranks in [2, 3, 4, 8] {
-        assert!(state(ranks, None, steps, None) == alone, "{ranks} ranks");
+        alone.expect(&OnRanks::of(&scene).run(ranks, steps), &format!("{ranks} ranks"));
     }
     let saved = folder.path().join("saved");
-    for (before, after) in [(1, 3), (4, 1)] {
-        state(before, None, steps / 2, Some(&saved));
-        assert!(state(after, Some(&saved), steps, None) == alone, "{before} ranks, then {after}");
-    }
+    OnRanks::of(&scene).leaves_no_trace(&alone, steps, &[[1, 3], [4, 1]], &saved);
 
     // The snapshot has the tray as it stands.
     let reader = Reader::open(&saved).unwrap();
@@ -1003,9 +965,6 @@ radius = {BALL_RADIUS:?}
 {lattices}
 [time]
 step = 2e-4
-steps = 200
-[output]
-directory = "out"
 "#,
         file.display()
     ))

@@ -85,14 +85,6 @@ name = "wall"
 [[shape]]
 name = "grain"
 {shape}
-[[fill.lattice]]
-first = [0, 0, 0.02]
-count = [1, 1, 1]
-[time]
-step = 1e-5
-steps = 1
-[output]
-directory = "out"
 "#
     ))
 }
@@ -193,11 +185,6 @@ low = [-0.013, -0.01, -0.015]
 high = [0.013, 0.01, 0.006]
 spacing = 0.0045
 velocity = [0.0, 0.5, -0.5]
-[time]
-step = 1e-5
-steps = 2500
-[output]
-directory = "out"
 "#
     ))
 }

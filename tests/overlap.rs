@@ -360,9 +360,6 @@ spacing = 0.0043
 velocity = [0.0, 0.0, -1.0]
 [time]
 step = 4e-6
-steps = 1
-[output]
-directory = "out"
 "#;
 
 /// What walls give, what is stored, what moves and what contacts lose add up.

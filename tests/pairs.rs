@@ -1,5 +1,6 @@
 //! `dem-contact` as a user meets it, against the independent reference: see `tests/reference/README.md`.
 
+use crate::support::reference;
 use dem_mpi::contact::{Epa, ErodedGjk, Method, Outcome, ordered, table};
 use dem_mpi::math::Vec3;
 use dem_mpi::pairs::read::read;
@@ -27,11 +28,6 @@ type Row = BTreeMap<String, String>;
 
 fn rows(csv: &[u8]) -> Vec<Row> {
     csv::Reader::from_reader(csv).deserialize().collect::<Result<_, _>>().unwrap()
-}
-
-fn reference(name: &str) -> String {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/reference/").to_string() + name;
-    std::fs::read_to_string(path).unwrap()
 }
 
 fn number(row: &Row, column: &str) -> f64 {

@@ -20,6 +20,7 @@ mod told;
 mod traced;
 mod watched;
 
+use crate::support::completed;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use process::{Ended, Launch, dem_mpi, dem_post};
@@ -31,6 +32,32 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// A scene of these tests, by name.
 fn scene(name: &str) -> String {
     format!("{}/tests/program/{name}.toml", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// One ball of which the end is asked for at once.
+const OVER_AT_ONCE: &str = r#"
+[domain]
+low = [0, 0, 0]
+high = [1, 1, 1]
+[[fill.lattice]]
+first = [0.5, 0.5, 0.5]
+count = [1, 1, 1]
+[[outlet]]
+name = "below"
+point = [0, 0, 0.1]
+normal = [0, 0, 1]
+[stop]
+remaining = 5
+[time]
+step = 1e-5
+steps = 50
+"#;
+
+/// The file of a scene in a folder; what its text leaves out is completed.
+fn written(folder: &Path, text: &str) -> String {
+    let path = folder.join("scene.toml");
+    fs::write(&path, completed(text)).unwrap();
+    path.to_str().unwrap().to_owned()
 }
 
 /// The last step of the heap, and its snapshots before.

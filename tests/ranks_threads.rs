@@ -1,21 +1,12 @@
 //! The same bits on any number of ranks, as threads of one process, and after a restart in the middle
 //! on another number. (`tests/program.rs` does the same under MPI.)
 
-use crate::support::{MATERIAL, begun, save, scene};
-use dem_mpi::comm::{Comm, threads};
-use dem_mpi::contact::ContactRecords;
-use dem_mpi::math::Vec3;
-use dem_mpi::output::snapshot::Reader;
-use dem_mpi::output::tables::ParticleTable;
-use dem_mpi::particles::columns::Quantity;
-use dem_mpi::scene::assemble::{self, Continuation};
+use crate::support::{MATERIAL, OnRanks, State, begun, scene};
+use dem_mpi::comm::threads;
 use dem_mpi::scene::{Scene, plan};
-use dem_mpi::sim::Simulation;
-use std::path::Path;
 
 /// Ellipsoids of two sizes and balls with friction, dashpots and damping, thrown together.
 const CROWD: &str = r#"
-title = "crowd"
 gravity = [1.0, 0.5, -9.81]
 global_damping = 2.0
 [domain]
@@ -57,8 +48,6 @@ steps = 1500
 [neighbours]
 imbalance = 1.05
 order_every = 150
-[output]
-directory = "out"
 "#;
 
 const WALLED: &str = r#"walls = ["-x", "+x", "-y", "+y", "-z"]"#;
@@ -86,150 +75,54 @@ fn crowd(domain: &str, method: &str) -> Scene {
     scene(&CROWD.replace("MATERIAL", MATERIAL).replace("DOMAIN", domain).replace("METHOD", method))
 }
 
-/// Everything of which the future is made, in the order of ids.
-#[derive(Debug, PartialEq)]
-struct State {
-    bits: Vec<(u64, Vec<u64>)>,
-    records: Vec<(u64, u64, Vec<u64>)>,
-    walls: Vec<u64>,
-    scalars: Vec<u64>,
-}
-
-fn bits_of<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> Vec<u64> {
-    numbers.into_iter().map(|x| x.to_bits()).collect()
-}
-
-/// What one rank owns.
-struct OnRank {
-    table: ParticleTable,
-    records: ContactRecords,
-    walls: Vec<u64>,
-    scalars: Vec<u64>,
-    migrated: u64,
-}
-
-/// Where it stands among the scalars.
-const DISSIPATED: usize = 3;
-
-fn part(sim: &Simulation, comm: &mut dyn Comm) -> OnRank {
-    let m = sim.measure(comm);
-    let scalars: Vec<f64> =
-        [m.kinetic(), m.gravity, m.stored, m.dissipated, m.received, m.mean_normal_force]
-            .into_iter()
-            .chain(m.channels)
-            .collect();
-    let walls = sim.particles.walls.iter().flat_map(|wall| [wall.point, wall.velocity]);
-    let walls: Vec<Vec3> = walls.collect();
-    OnRank {
-        table: sim.particle_table(comm.rank()),
-        records: sim.contact_records(),
-        walls: bits_of(walls.iter().flat_map(|vector| vector.iter())),
-        scalars: bits_of(&scalars),
-        migrated: sim.domain.traffic.migrated,
+/// On one rank, if it is the same on others, between which particles migrate.
+fn changing_hands(scene: &Scene, steps: u64) -> State {
+    let scene = OnRanks::of(scene);
+    let alone = scene.run(1, steps);
+    for ranks in [2, 3, 4, 8] {
+        let (shared, migrated) =
+            scene.run_and_look(ranks, steps, |sim| sim.domain.traffic.migrated);
+        alone.expect(&shared, &format!("{ranks} ranks"));
+        let migrated: u64 = migrated.iter().sum();
+        assert!(migrated > 100, "particles change hands: {migrated}");
     }
+    alone
 }
 
-fn state(parts: &[OnRank]) -> State {
-    let mut bits = Vec::new();
-    let mut records = Vec::new();
-    for OnRank { table, records: named, walls, scalars, .. } in parts {
-        assert_eq!(*walls, parts[0].walls, "all ranks move their walls alike");
-        assert_eq!(*scalars, parts[0].scalars, "all ranks measure the same");
-        for k in 0..table.id.len() {
-            let mut row = Vec::new();
-            for column in [
-                &table.position,
-                &table.velocity,
-                &table.force,
-                &table.angular_momentum,
-                &table.angular_velocity,
-                &table.torque,
-            ] {
-                row.extend(column.get(k).into_iter().flat_map(bits_of));
-            }
-            row.extend(table.quaternion.get(k).into_iter().flat_map(bits_of));
-            let accumulated = table.accumulated.row(k);
-            row.extend(bits_of(Quantity::ALL.map(|quantity| &accumulated[quantity])));
-            row.extend([table.coordination[k] as u64, table.standing[k].0]);
-            row.extend(table.image.get(k).into_iter().flatten().map(|&n| n as u64));
-            bits.push((table.id[k].0, row));
-        }
-        records.extend(named.iter().map(|named| {
-            let mut row = bits_of(&named.geometry.normal);
-            row.extend(bits_of(named.state));
-            row.extend(bits_of([&named.geometry.overlap]));
-            (named.a.0, named.b.0, row)
-        }));
-    }
-    bits.sort();
-    records.sort();
-    State { bits, records, walls: parts[0].walls.clone(), scalars: parts[0].scalars.clone() }
-}
-
-fn run(scene: &Scene, ranks: u32, steps: u64) -> (State, u64) {
-    let parts = threads::run(ranks, |comm| {
-        let mut sim = begun(scene, comm);
-        for _ in 0..steps {
-            sim.step(comm).unwrap();
-        }
-        part(&sim, comm)
-    });
-    (state(&parts), parts.iter().map(|p| p.migrated).sum())
-}
-
-fn expect_same(a: &State, b: &State, what: &str) {
-    assert_eq!(a.bits.len(), b.bits.len(), "{what}: number of particles");
-    let differing: Vec<u64> =
-        a.bits.iter().zip(&b.bits).filter(|(x, y)| x != y).map(|(x, _)| x.0).collect();
-    assert!(differing.is_empty(), "{what}: particles {differing:?} differ");
-    assert_eq!(a.records.len(), b.records.len(), "{what}: number of contacts");
-    assert!(a.records == b.records, "{what}: a contact's geometry differs");
-    assert_eq!(a.walls, b.walls, "{what}: walls");
-    assert_eq!(a.scalars, b.scalars, "{what}: energies");
+/// On one rank, if it is the same on others and over restarts half-way.
+fn everywhere(scene: &Scene, steps: u64, restarts: &[[u32; 2]]) -> State {
+    OnRanks::of(scene).the_same_on(steps, &[2, 3, 4, 8], restarts)
 }
 
 #[test]
 fn walled_crowd_is_the_same_on_any_number_of_ranks() {
     let scene = crowd(WALLED, "");
-    let (alone, _) = run(&scene, 1, 3000);
+    let alone = changing_hands(&scene, 3000);
     let (particles, contacts) = (alone.bits.len(), alone.records.len());
     assert!(particles >= 500 && contacts > 500, "a crowd: {particles} with {contacts} contacts");
-    for ranks in [2, 3, 4, 8] {
-        let (shared, migrated) = run(&scene, ranks, 3000);
-        expect_same(&alone, &shared, &format!("{ranks} ranks"));
-        assert!(migrated > 100, "particles change hands: {migrated}");
-    }
 }
 
 #[test]
 fn periodic_crowd_is_the_same_on_any_number_of_ranks() {
     let scene = crowd(PERIODIC, "");
-    let (alone, _) = run(&scene, 1, 1000);
-    for ranks in [2, 3, 5] {
-        expect_same(&alone, &run(&scene, ranks, 1000).0, &format!("{ranks} ranks"));
-    }
+    OnRanks::of(&scene).the_same_on(1000, &[2, 3, 5], &[]);
 }
 
 #[test]
 fn a_crowd_between_servos_is_the_same_on_any_number_of_ranks() {
     let scene = crowd(SERVOED, "");
-    let (alone, _) = run(&scene, 1, 1500);
-    let places: Vec<f64> = alone.walls.iter().map(|&bits| f64::from_bits(bits)).collect();
-    // Points and velocities of -x, +x, -y, +y.
-    let moved = [places[0], 0.03 - places[6], places[13], 0.03 - places[19]];
+    let alone = OnRanks::of(&scene).the_same_on(1500, &[2, 3, 4], &[]);
+    let place = |wall: &str, axis: usize| alone.numbers(&format!("place of {wall}"))[axis];
+    let moved = [place("-x", 0), 0.03 - place("+x", 0), place("-y", 1), 0.03 - place("+y", 1)];
     assert!(moved.iter().all(|d| d.abs() > 1e-5), "{moved:?}");
     assert!(moved[2] != moved[3] && (moved[0] - moved[1]).abs() < 1e-15, "{moved:?}");
-    for ranks in [2, 3, 4] {
-        expect_same(&alone, &run(&scene, ranks, 1500).0, &format!("{ranks} ranks"));
-    }
 }
 
 #[test]
 fn every_method_is_the_same_on_any_number_of_ranks() {
     for method in ["gjk-erosion", "epa", "common-normal"] {
         let scene = crowd(WALLED, &format!("method = \"{method}\""));
-        let (alone, _) = run(&scene, 1, 400);
-        expect_same(&alone, &run(&scene, 4, 400).0, method);
+        OnRanks::of(&scene).the_same_on(400, &[4], &[]);
     }
 }
 
@@ -257,16 +150,8 @@ fn elastic_crowd(balls: bool) -> Scene {
 fn a_hertzian_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     for balls in [true, false] {
         let scene = elastic_crowd(balls);
-        let (alone, _) = run(&scene, 1, 2000);
+        let alone = everywhere(&scene, 2000, &[[1, 3], [2, 1]]);
         assert!(alone.records.len() > 500, "a crowd: {} contacts", alone.records.len());
-        for ranks in [2, 3, 4, 8] {
-            expect_same(&alone, &run(&scene, ranks, 2000).0, &format!("{ranks} ranks"));
-        }
-        let folder = tempfile::tempdir().unwrap();
-        for (before, after) in [(1, 3), (2, 1)] {
-            let again = restarted(&scene, 2000, before, after, folder.path());
-            expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
-        }
     }
 }
 
@@ -287,16 +172,8 @@ fn hertzian_superellipsoids_are_the_same_on_any_number_of_ranks_and_after_a_rest
     let scene = scene(&text);
     let words = "radii of curvature of superellipsoids are averaged over 0.1 rad, and count as no less than 0.01 bounding radii";
     assert!(plan::plan(&scene, 1).contains(words), "{}", plan::plan(&scene, 1));
-    let (alone, _) = run(&scene, 1, 1000);
+    let alone = everywhere(&scene, 1000, &[[1, 3], [8, 1]]);
     assert!(alone.records.len() > 200, "a crowd: {} contacts", alone.records.len());
-    for ranks in [2, 3, 4, 8] {
-        expect_same(&alone, &run(&scene, ranks, 1000).0, &format!("{ranks} ranks"));
-    }
-    let folder = tempfile::tempdir().unwrap();
-    for (before, after) in [(1, 3), (8, 1)] {
-        let again = restarted(&scene, 1000, before, after, folder.path());
-        expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
-    }
 }
 
 /// Spheres whose contacts outlive the overlap, where the domain repeats and where it does not.
@@ -309,7 +186,7 @@ fn a_crowd_that_sticks_is_the_same_on_any_number_of_ranks_and_after_a_restart() 
         .replace("step = 1e-5", "step = 6e-6");
     for domain in [WALLED, PERIODIC] {
         let scene = scene(&text.replace(WALLED, domain));
-        let (alone, _) = run(&scene, 1, 2500);
+        let alone = everywhere(&scene, 2500, &[[1, 3], [4, 1]]);
         let overlap = |row: &[u64]| row.last().map_or(0.0, |&bits| f64::from_bits(bits));
         let gaps = alone.records.iter().filter(|(_, _, row)| overlap(row) < 0.0).count();
         assert!(
@@ -317,16 +194,8 @@ fn a_crowd_that_sticks_is_the_same_on_any_number_of_ranks_and_after_a_restart() 
             "{gaps} of {} contacts",
             alone.records.len()
         );
-        for ranks in [2, 3, 4, 8] {
-            expect_same(&alone, &run(&scene, ranks, 2500).0, &format!("{ranks} ranks"));
-        }
         let other = Scene { skin: 0.3 * scene.skin, ..scene.clone() };
-        expect_same(&alone, &run(&other, 2, 2500).0, "another skin");
-        let folder = tempfile::tempdir().unwrap();
-        for (before, after) in [(1, 3), (4, 1)] {
-            let again = restarted(&scene, 2500, before, after, folder.path());
-            expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
-        }
+        alone.expect(&OnRanks::of(&other).run(2, 2500), "another skin");
     }
 }
 
@@ -358,16 +227,8 @@ fn crowds_that_resist_rolling_and_stick_are_the_same_on_any_number_of_ranks_and_
         (resisting(&elastic.replace("step = 1e-5", "step = 6e-6"), ""), 1500),
         (resisting(&sticking.replace("step = 1e-5", "step = 6e-6"), "adhesion = \"dmt\""), 2000),
     ] {
-        let (alone, _) = run(&scene, 1, steps);
+        let alone = everywhere(&scene, steps, &[[1, 3], [4, 1]]);
         assert!(alone.records.len() > 10, "a crowd: {} contacts", alone.records.len());
-        for ranks in [2, 3, 4, 8] {
-            expect_same(&alone, &run(&scene, ranks, steps).0, &format!("{ranks} ranks"));
-        }
-        let folder = tempfile::tempdir().unwrap();
-        for (before, after) in [(1, 3), (4, 1)] {
-            let again = restarted(&scene, steps, before, after, folder.path());
-            expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
-        }
     }
 }
 
@@ -399,19 +260,12 @@ fn sheared_crowd(neighbours: &str) -> Scene {
 #[test]
 fn a_sheared_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     let scene = sheared_crowd("imbalance = 1.05");
-    let (alone, _) = run(&scene, 1, 1500);
-    expect_same(&alone, &run(&sheared_crowd("skin = 0.0007"), 2, 1500).0, "another skin");
+    let alone = changing_hands(&scene, 1500);
+    let other = sheared_crowd("skin = 0.0007");
+    alone.expect(&OnRanks::of(&other).run(2, 1500), "another skin");
     assert!(alone.records.len() > 50, "a crowd: {} contacts", alone.records.len());
-    for ranks in [2, 3, 4, 8] {
-        let (shared, migrated) = run(&scene, ranks, 1500);
-        expect_same(&alone, &shared, &format!("{ranks} ranks"));
-        assert!(migrated > 100, "particles change hands: {migrated}");
-    }
     let folder = tempfile::tempdir().unwrap();
-    for (before, after) in [(1, 3), (3, 1)] {
-        let again = restarted(&scene, 1500, before, after, folder.path());
-        expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
-    }
+    OnRanks::of(&scene).leaves_no_trace(&alone, 1500, &[[1, 3], [3, 1]], folder.path());
 }
 
 /// One to four particles that fall and meet in a corner: most subdomains are empty, also of those that
@@ -430,17 +284,10 @@ fn more_ranks_than_particles_work() {
         let (_, rest) = rain.split_once("[time]").unwrap();
         let scene =
             scene(&if particles == 1 { format!("{lattice}[time]{rest}") } else { text.clone() });
-        let (alone, _) = run(&scene, 1, 2500);
+        let alone = OnRanks::of(&scene).the_same_on(2500, &[4, 8, 9], &[[4, 8], [8, 4], [9, 3]]);
         assert_eq!(alone.bits.len(), particles);
-        assert!(dissipated(&alone) > 0.0, "they meet the walls");
+        assert!(alone.number("dissipated") > 0.0, "they meet the walls");
         assert!(particles == 1 || alone.records.len() > 3, "they meet: {:?}", alone.records);
-        let folder = tempfile::tempdir().unwrap();
-        for ranks in [4, 8, 9] {
-            let what = format!("{ranks} ranks for {particles} particles");
-            expect_same(&alone, &run(&scene, ranks, 2500).0, &what);
-            let again = restarted(&scene, 2500, ranks, 12 - ranks, folder.path());
-            expect_same(&alone, &again, &format!("{what}, then {}", 12 - ranks));
-        }
     }
 }
 
@@ -448,50 +295,23 @@ fn more_ranks_than_particles_work() {
 #[test]
 fn the_skin_does_not_show() {
     let scene = crowd(WALLED, "");
-    let (usual, _) = run(&scene, 1, 600);
+    let usual = OnRanks::of(&scene).run(1, 600);
     for factor in [0.3, 3.0] {
         let other = Scene { skin: factor * scene.skin, ..scene.clone() };
-        expect_same(&usual, &run(&other, 2, 600).0, &format!("skin times {factor}"));
+        usual.expect(&OnRanks::of(&other).run(2, 600), &format!("skin times {factor}"));
     }
-}
-
-fn restarted(scene: &Scene, steps: u64, before: u32, after: u32, folder: &Path) -> State {
-    threads::run(before, |comm| {
-        let mut sim = begun(scene, comm);
-        for _ in 0..steps / 2 {
-            sim.step(comm).unwrap();
-        }
-        save(&sim, folder, scene, comm);
-    });
-    let parts = threads::run(after, |comm| {
-        let mut sim = assemble::assemble(scene, comm);
-        assemble::take_up(&mut sim, scene, folder, Continuation::SameStage, comm).unwrap();
-        while sim.step < steps {
-            sim.step(comm).unwrap();
-        }
-        part(&sim, comm)
-    });
-    state(&parts)
 }
 
 #[test]
 fn a_restart_on_another_number_of_ranks_leaves_no_trace() {
     for (domain, steps) in [(WALLED, 900), (PERIODIC, 700), (SERVOED, 800)] {
         let scene = crowd(domain, "");
-        let (never_stopped, _) = run(&scene, 1, steps);
-        let folder = tempfile::tempdir().unwrap();
-        for (before, after) in [(1, 3), (3, 1), (2, 4)] {
-            let again = restarted(&scene, steps, before, after, folder.path());
-            expect_same(&never_stopped, &again, &format!("{before} ranks, then {after}"));
-        }
-        let reader = Reader::open(folder.path()).unwrap();
-        assert_eq!(reader.header().step, steps / 2);
+        OnRanks::of(&scene).the_same_on(steps, &[], &[[1, 3], [3, 1], [2, 4]]);
     }
 }
 
 /// Boxes and rounded boxes of many sizes, spheres and ellipsoids, thrown through each other.
 const FACES: &str = r#"
-title = "boxes"
 gravity = [1.0, 0.5, -9.81]
 global_damping = 20.0
 [domain]
@@ -531,11 +351,8 @@ spacing = 0.0043
 velocity = [0.3, -0.2, -2.0]
 [time]
 step = 4e-6
-steps = 1500
 [neighbours]
 imbalance = 1.05
-[output]
-directory = "out"
 "#;
 
 /// A floor that turns like a table.
@@ -550,30 +367,15 @@ rotation = { about = [0.015, 0.015, 0.0], axis = [0.0, 0.0, 1.0], rate = 20.0 }"
 fn boxes_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
     for domain in [PERIODIC, TURNING] {
         let scene = scene(&FACES.replace("MATERIAL", MATERIAL).replace("DOMAIN", domain));
-        let steps = 5000;
-        let (alone, _) = run(&scene, 1, steps);
+        let alone = OnRanks::of(&scene).the_same_on(5000, &[2, 4], &[[1, 3], [4, 1]]);
         let (particles, contacts) = (alone.bits.len(), alone.records.len());
         assert!(particles >= 100 && contacts > 20, "a crowd: {particles} with {contacts} contacts");
-        for ranks in [2, 4] {
-            expect_same(&alone, &run(&scene, ranks, steps).0, &format!("{ranks} ranks"));
-        }
-        let folder = tempfile::tempdir().unwrap();
-        for (before, after) in [(1, 3), (4, 1)] {
-            let again = restarted(&scene, steps, before, after, folder.path());
-            expect_same(&alone, &again, &format!("{before} ranks, then {after}"));
-        }
     }
-}
-
-/// Energy that contacts have dissipated [J].
-fn dissipated(state: &State) -> f64 {
-    f64::from_bits(state.scalars[DISSIPATED])
 }
 
 /// Eggs that stream through each other in a box that repeats along all axes and is hardly wider than two
 /// halo widths along two of them: every rank's halo reaches round the period.
 const NARROW: &str = r#"
-title = "narrow"
 [domain]
 low = [0.0, 0.0, 0.0]
 high = HIGH
@@ -600,12 +402,9 @@ count = [2, 2, 6]
 velocity = [-2.0, 0.3, -1.0]
 [time]
 step = 2e-6
-steps = 3000
 [neighbours]
 skin = 0.0002
 imbalance = 1.01
-[output]
-directory = "out"
 "#;
 
 #[test]
@@ -616,11 +415,8 @@ fn a_period_hardly_wider_than_two_halos_is_the_same_on_any_number_of_ranks() {
         .replace("FIRST", "[0.0011, 0.0011, 0.0011]")
         .replace("SECOND", "[0.0011, 0.0011, 0.0144]");
     let scene = scene(&text);
-    let (alone, _) = run(&scene, 1, 3000);
-    assert!(dissipated(&alone) > 0.0, "they meet");
-    for ranks in [2, 3, 4, 8] {
-        expect_same(&alone, &run(&scene, ranks, 3000).0, &format!("{ranks} ranks"));
-    }
+    let alone = everywhere(&scene, 3000, &[]);
+    assert!(alone.number("dissipated") > 0.0, "they meet");
 }
 
 /// The long axis repeats and is cut by two and by three ranks; it is just wide enough for two.
@@ -632,16 +428,12 @@ fn few_ranks_along_a_period_are_the_same() {
         .replace("SECOND", "[0.0011, 0.0011, 0.0034]")
         .replace("count = [2, 2, 6]", "count = [2, 2, 1]");
     let scene = scene(&text);
-    let (alone, _) = run(&scene, 1, 3000);
-    assert!(dissipated(&alone) > 0.0, "they meet");
-    for ranks in [2, 3, 4, 8] {
-        expect_same(&alone, &run(&scene, ranks, 3000).0, &format!("{ranks} ranks"));
-    }
+    let alone = everywhere(&scene, 3000, &[]);
+    assert!(alone.number("dissipated") > 0.0, "they meet");
 }
 
 /// Two sizes, 1:20, that fall together.
 const UNEQUAL: &str = r#"
-title = "boulders and sand"
 gravity = [0.5, 0.2, -9.81]
 [domain]
 low = [0.0, 0.0, 0.0]
@@ -678,13 +470,10 @@ count = [36, 36, 2]
 velocity = [0.0, 0.0, -4.0]
 [time]
 step = 1e-6
-steps = 3000
 allow_unstable = true
 [neighbours]
 skin = 0.0003
 imbalance = 1.05
-[output]
-directory = "out"
 "#;
 
 const BALL: &str = "sphere\"\nradius = 0.0005";
@@ -697,11 +486,8 @@ fn unequal(friction: &str, sand: &str) -> Scene {
 #[test]
 fn sizes_of_one_to_twenty_are_the_same_on_any_number_of_ranks() {
     let scene = unequal("friction = 0.3\nrestitution = 0.5", BALL);
-    let (alone, _) = run(&scene, 1, 1500);
-    assert!(dissipated(&alone) > 0.0, "they meet");
-    for ranks in [2, 3, 4, 8] {
-        expect_same(&alone, &run(&scene, ranks, 1500).0, &format!("{ranks} ranks"));
-    }
+    let alone = everywhere(&scene, 1500, &[]);
+    assert!(alone.number("dissipated") > 0.0, "they meet");
 }
 
 /// Only what the scene needs travels, and only where there is a pair; the plan says how much.

@@ -56,14 +56,8 @@ name = "rod"
 kind = "spherocylinder"
 length = {LENGTH:?}
 radius = {RADIUS:?}
-[[fill.lattice]]
-first = [0, 0, 0]
-count = [1, 1, 1]
 [time]
 step = {:?}
-steps = 1
-[output]
-directory = "out"
 "#,
             -GRAVITY, self.stiffness, self.friction, self.dt
         ))

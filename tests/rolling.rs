@@ -174,7 +174,6 @@ fn on_slope(tangent: f64) -> Simulation {
     let overlap = mass() * down / STIFFNESS;
     let text = format!(
         r#"
-title = "slope"
 gravity = [{along}, 0.0, -{down}]
 [domain]
 low = [0.0, 0.0, 0.0]
@@ -193,9 +192,6 @@ first = [0.05, 0.05, {z:e}]
 count = [1, 1, 1]
 [time]
 step = {STEP:e}
-steps = 1
-[output]
-directory = "out"
 "#,
         along = down * tangent,
         z = RADIUS - overlap,
@@ -281,7 +277,6 @@ const CROWD: f64 = 1e-3;
 #[test]
 fn moments_of_a_crowd_are_booked() {
     let text = r#"
-title = "crowd"
 gravity = [0.0, 0.0, -9.81]
 [domain]
 low = [0.0, 0.0, 0.0]
@@ -302,9 +297,6 @@ spacing = [0.0115, 0.0112, 0.0113]
 velocity = [0.4, -0.3, 0.0]
 [time]
 step = 5e-6
-steps = 1
-[output]
-directory = "out"
 "#;
     let mut comm = Alone::default();
     for friction in [0.0, 0.8] {

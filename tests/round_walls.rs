@@ -345,14 +345,8 @@ friction = {friction:?}
 [[shape]]
 name = "body"
 {shape}
-[[fill.lattice]]
-first = [0, 0, 0]
-count = [1, 1, 1]
 [time]
 step = {dt:?}
-steps = 1
-[output]
-directory = "out"
 "#
     )
 }
@@ -458,9 +452,6 @@ low = [-0.0065, -0.006, -0.0085]
 high = [0.0065, 0.006, 0.0025]
 [time]
 step = 2.5e-6
-steps = 1
-[output]
-directory = "out"
 "#
     )
 }

@@ -25,9 +25,8 @@ const LOSSY: &str = "friction = 0.4\nrestitution = 0.6\ntangential_damping_ratio
 
 fn text(domain: &str, shape: &str, material: &str, fill: &str, step: f64) -> Scene {
     scene(&format!(
-        "title = \"shear\"\n[domain]\n{domain}\n[[material]]\nname = \"grain\"\ndensity = 2600.0\nnormal_stiffness = 2e4\n\
-         tangential_stiffness = 1.5e4\n{material}\n[[shape]]\nname = \"grain\"\n{shape}\n{fill}\n[time]\nstep = {step:e}\nsteps = 1\n\
-         [output]\ndirectory = \"none\"\n"
+        "[domain]\n{domain}\n[[material]]\nname = \"grain\"\ndensity = 2600.0\nnormal_stiffness = 2e4\n\
+         tangential_stiffness = 1.5e4\n{material}\n[[shape]]\nname = \"grain\"\n{shape}\n{fill}\n[time]\nstep = {step:e}\n"
     ))
 }
 

@@ -1,7 +1,9 @@
 //! A particle's scale does what another shape of that size does: in contacts, in motion, on any number of ranks, in
 //! files and in what is computed from them.
 
-use crate::support::{Bench, Frame, begun, motion, scaled, scene};
+use crate::support::{
+    Bench, Frame, OnRanks, all_bits, begun, motion, save, save_with, scaled, scene,
+};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{Epa, ErodedGjk, Method, Outcome, Posed, clearance, table};
@@ -11,7 +13,6 @@ use dem_mpi::output::header::Header;
 use dem_mpi::output::report::sizes::SizesOf;
 use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::ParticleTable;
-use dem_mpi::particles::columns::Quantity;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::post::lammps;
 use dem_mpi::post::region::SolidVolume;
@@ -494,88 +495,20 @@ imbalance = 1.05
     scene(&text.replace("step = 2e-7", "step = 2e-6"))
 }
 
-/// Bits of motion, scale and energies of each particle, in the order of ids.
-fn all_bits(tables: &[ParticleTable]) -> Vec<(u64, Vec<u64>)> {
-    let mut all = Vec::new();
-    for table in tables {
-        for (k, (id, mut row)) in motion(table).enumerate() {
-            let more = [
-                table.scale[k],
-                table.accumulated[Quantity::Dissipated][k],
-                table.accumulated[Quantity::Received][k],
-            ];
-            row.extend(more.map(f64::to_bits));
-            all.push((id, row));
-        }
-    }
+/// Bits of each particle, in the order of ids.
+fn sorted_bits(tables: &[ParticleTable]) -> Vec<(u64, Vec<u64>)> {
+    let mut all: Vec<_> = tables.iter().flat_map(all_bits).collect();
     all.sort();
     all
-}
-
-fn run(scene: &Scene, ranks: u32, steps: u64) -> (Vec<(u64, Vec<u64>)>, usize) {
-    let parts = threads::run(ranks, |comm| {
-        let mut sim = begun(scene, comm);
-        for _ in 0..steps {
-            sim.step(comm).unwrap();
-        }
-        (sim.particle_table(comm.rank()), sim.contact_records().len())
-    });
-    let contacts = parts.iter().map(|(_, contacts)| contacts).sum();
-    let tables: Vec<ParticleTable> = parts.into_iter().map(|(table, _)| table).collect();
-    (all_bits(&tables), contacts)
-}
-
-fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) {
-    save_with(sim, directory, scene, |_| (), comm);
-}
-
-/// The same with another header.
-fn save_with(
-    sim: &Simulation,
-    directory: &Path,
-    scene: &Scene,
-    change: impl Fn(&mut Header),
-    comm: &mut dyn Comm,
-) {
-    let forces = sim.measure(comm).wall_forces;
-    let mut header = sim.header(&scene.text, &forces, comm);
-    change(&mut header);
-    let particles = sim.particle_table(comm.rank());
-    let (contacts, records) = (sim.contact_table(), sim.contact_records());
-    snapshot::write(directory, &header, &particles, &contacts, &records, comm).unwrap();
 }
 
 #[test]
 fn sizes_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
     let scene = mixture();
     assert!(scene.needs().scale);
-    let steps = 2400;
-    let (alone, contacts) = run(&scene, 1, steps);
-    assert!(alone.len() > 120 && contacts > 30, "{} with {contacts}", alone.len());
-    for ranks in [2, 3] {
-        let (shared, _) = run(&scene, ranks, steps);
-        let differing: Vec<u64> =
-            alone.iter().zip(&shared).filter(|(a, b)| a != b).map(|(a, _)| a.0).collect();
-        assert!(differing.is_empty(), "{ranks} ranks: {differing:?} differ");
-    }
-
-    let folder = tempfile::tempdir().unwrap();
-    threads::run(3, |comm| {
-        let mut sim = begun(&scene, comm);
-        for _ in 0..steps / 2 {
-            sim.step(comm).unwrap();
-        }
-        save(&sim, folder.path(), &scene, comm);
-    });
-    let tables = threads::run(2, |comm| {
-        let mut sim = assemble::assemble(&scene, comm);
-        assemble::take_up(&mut sim, &scene, folder.path(), Continuation::SameStage, comm).unwrap();
-        while sim.step < steps {
-            sim.step(comm).unwrap();
-        }
-        sim.particle_table(comm.rank())
-    });
-    assert_eq!(alone, all_bits(&tables), "a restart");
+    let alone = OnRanks::of(&scene).the_same_on(2400, &[2, 3], &[[3, 2]]);
+    let (grains, contacts) = (alone.bits.len(), alone.records.len());
+    assert!(grains > 120 && contacts > 30, "{grains} with {contacts}");
 }
 
 /// Sizes that only a list of the first stage gave are known in the next: mass, search and the stable step follow.
@@ -659,7 +592,7 @@ fn walls_of_triangles_are_deep_enough_for_sizes_of_the_stage_before() {
             (sim.particle_table(comm.rank()), sim.contacts.len())
         });
         assert!(tables.iter().any(|&(_, contacts)| contacts > 0), "they touch");
-        all_bits(&tables.into_iter().map(|(table, _)| table).collect::<Vec<_>>())
+        sorted_bits(&tables.into_iter().map(|(table, _)| table).collect::<Vec<_>>())
     };
     assert_eq!(after(parsed(ONE)), after(first));
 }
@@ -788,7 +721,7 @@ fn a_stage_goes_on_with_the_sizes_of_grains_that_have_left() {
         (sim.particle_table(comm.rank()), contacts)
     });
     assert!(parts.iter().any(|&(_, contacts)| contacts > 0), "they touch");
-    let whole = all_bits(&parts.into_iter().map(|(table, _)| table).collect::<Vec<_>>());
+    let whole = sorted_bits(&parts.into_iter().map(|(table, _)| table).collect::<Vec<_>>());
     assert_eq!(whole.iter().map(|(id, _)| *id).collect::<Vec<_>>(), [2, 3, 4], "two have left");
     for ranks in [1, 2, 3] {
         let again = Scene::read_to_go_on(&file, &[], &own).unwrap();
@@ -798,7 +731,7 @@ fn a_stage_goes_on_with_the_sizes_of_grains_that_have_left() {
             let sim = at_step(160, &again, &own, Continuation::SameStage, comm);
             sim.particle_table(comm.rank())
         });
-        assert_eq!(all_bits(&tables), whole, "{ranks} ranks");
+        assert_eq!(sorted_bits(&tables), whole, "{ranks} ranks");
     }
     let next = Scene::read(&file, &[format!("start={}", own.display())]).unwrap();
     assert_eq!(next.library.scales[0], [1.0, 2.0]);

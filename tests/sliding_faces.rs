@@ -65,15 +65,8 @@ restitution = 0.3
 name = "plate"
 kind = "polyhedron"
 edges = [{}, {}, {THICKNESS}]
-[[fill.lattice]]
-first = [0, 0, 0.5]
-count = [1, 1, 1]
-spacing = 1
 [time]
 step = {dt:e}
-steps = 1
-[output]
-directory = "out"
 "#,
         edges[0], edges[1]
     );

@@ -11,7 +11,7 @@ use std::path::Path;
 fn text(head: &str, law: &str, shapes: &str, fill: &str) -> String {
     format!(
         "{head}\ngravity = [0, 0, -9.81]\n[domain]\nlow = [0, 0, 0]\nhigh = [0.04, 0.04, 0.04]\nwalls = [\"-z\"]\n{law}\n{shapes}\n{fill}\n\
-         [time]\nstep = 1e-5\nsteps = 1000\n[output]\ndirectory = \"out\"\n"
+         [time]\nstep = 1e-5\n"
     )
 }
 

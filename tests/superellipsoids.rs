@@ -2,15 +2,14 @@
 //! common normal against answers of 50 digits and against EPA; and a packing of them.
 
 use crate::random::Draw;
-use crate::support::{Bench, Frame, begun, motion, scene};
-use dem_mpi::comm::{Comm, threads};
+use crate::support::{Bench, Frame, OnRanks, begun, save, scene};
+use dem_mpi::comm::threads;
 use dem_mpi::contact::{
     CommonNormal, ContactResolver, Epa, ErodedGjk, Method, Outcome, Posed, SmoothCommonNormal,
     Touch, table,
 };
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
-use dem_mpi::output::snapshot;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 use dem_mpi::scene::Scene;
@@ -19,8 +18,6 @@ use dem_mpi::shape::{
     Convex, Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
     Spherocylinder, Superellipsoid,
 };
-use dem_mpi::sim::Simulation;
-use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 const EXPONENTS: [f64; 6] = [0.3, 0.5, 0.8, 1.0, 1.5, 2.0];
@@ -684,10 +681,7 @@ spacing = 10.0
 count = [2, 1, 1]
 [time]
 step = 1.0
-steps = 1
 allow_unstable = true
-[output]
-directory = "out"
 "#
     );
     let mut scene = scene(&text);
@@ -929,39 +923,15 @@ first = [0.003, 0.003, 0.003]
 count = [5, 5, 4]
 spacing = 0.0045
 velocity = [0.3, -0.2, -1.5]
-[time]
-step = 1e-5
-steps = 3000
-[output]
-directory = "out"
 "#;
-
-type Bits = BTreeMap<u64, Vec<u64>>;
-
-fn bits(sim: &Simulation, comm: &dyn Comm) -> Bits {
-    motion(&sim.particle_table(comm.rank())).collect()
-}
 
 #[test]
 fn a_packing_is_the_same_on_any_number_of_ranks() {
     let scene = scene(PACKING);
-    let run = |ranks: u32| -> Bits {
-        let parts = threads::run(ranks, |comm| {
-            let mut sim = begun(&scene, comm);
-            for _ in 0..scene.steps {
-                sim.step(comm).unwrap();
-            }
-            let contacts = sim.contact_table().a.len();
-            assert!(ranks > 1 || contacts > 150, "{contacts} contacts are no packing");
-            bits(&sim, comm)
-        });
-        parts.into_iter().flatten().collect()
-    };
-    let alone = run(1);
-    assert_eq!(alone.len(), 100);
-    for ranks in [2, 4] {
-        assert_eq!(run(ranks), alone, "{ranks} ranks");
-    }
+    let alone = OnRanks::of(&scene).the_same_on(3000, &[2, 4], &[]);
+    let contacts = alone.number("contacts") + alone.number("wall_contacts");
+    assert!(contacts > 150.0, "{contacts} contacts are no packing");
+    assert_eq!(alone.bits.len(), 100);
 }
 
 /// A snapshot of other exponents is not taken for the same shape.
@@ -970,12 +940,7 @@ fn a_restart_compares_shapes() {
     let folder = tempfile::tempdir().unwrap();
     let saved = scene(PACKING);
     threads::run(1, |comm| {
-        let sim = begun(&saved, comm);
-        let m = sim.measure(comm);
-        let header = sim.header(&saved.text, &m.wall_forces, comm);
-        let particles = sim.particle_table(comm.rank());
-        let (contacts, records) = (sim.contact_table(), sim.contact_records());
-        snapshot::write(folder.path(), &header, &particles, &contacts, &records, comm).unwrap();
+        save(&begun(&saved, comm), folder.path(), &saved, comm);
     });
     let take_up = |text: &str| {
         let scene = scene(text);

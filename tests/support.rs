@@ -3,13 +3,14 @@
 use crate::random::Draw;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
-use dem_mpi::contact::StateColumn;
+use dem_mpi::contact::{ContactRecords, StateColumn};
 use dem_mpi::drive::SavedState;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::header::Header;
 use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::ParticleTable;
+use dem_mpi::particles::columns::Quantity;
 use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 use dem_mpi::scene::Scene;
@@ -20,6 +21,8 @@ use dem_mpi::shape::{
 };
 use dem_mpi::sim::run::Schedule;
 use dem_mpi::sim::{Simulation, StepError};
+use serde_json::Value;
+use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -32,15 +35,49 @@ friction = 0.3
 restitution = 0.5
 tangential_damping_ratio = 0.05"#;
 
-/// The scene that a text means.
+/// The tables that every scene needs, where a text leaves them out.
+const BASE: [(&str, &str); 5] = [
+    ("[domain]", "low = [-1, -1, 0]\nhigh = [1, 1, 1]\nwalls = [\"-z\"]"),
+    ("[[material]]", "name = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4"),
+    ("[[shape]]", "name = \"ball\"\nkind = \"sphere\"\nradius = 0.01"),
+    ("[time]", "step = 1e-5"),
+    ("[output]", ""),
+];
+
+/// A scene's text with what it leaves out: a floor, a glass ball at the origin, a step of 1e-5 s and only one of it, a folder.
+pub(crate) fn completed(text: &str) -> String {
+    let mut text = text.to_owned();
+    for (table, keys) in BASE {
+        if !text.contains(table) {
+            write!(text, "\n{table}\n{keys}\n").unwrap();
+        }
+    }
+    if !["fill.", "[[inlet]]", "start ="].iter().any(|source| text.contains(source)) {
+        let (_, shape) =
+            text.split_once("[[shape]]\nname = ").expect("a shape begins with its name");
+        let name = shape.lines().next().unwrap().to_owned();
+        let origin = "first = [0, 0, 0]\ncount = [1, 1, 1]";
+        write!(text, "\n[[fill.lattice]]\nshapes = [{name}]\n{origin}\n").unwrap();
+    }
+    if !["steps =", "duration ="].iter().any(|end| text.contains(end)) {
+        text = text.replacen("[time]\n", "[time]\nsteps = 1\n", 1);
+    }
+    if !text.contains("directory =") {
+        text = text.replacen("[output]\n", "[output]\ndirectory = \"out\"\n", 1);
+    }
+    text
+}
+
+/// The scene that a text means, completed.
 pub(crate) fn scene(text: &str) -> Scene {
-    Scene::parse(text, "test", Path::new(""), &[]).unwrap_or_else(|errors| panic!("{errors}"))
+    Scene::parse(&completed(text), "test", Path::new(""), &[])
+        .unwrap_or_else(|errors| panic!("{errors}"))
 }
 
 /// A scene is refused once a part of its text is another, and `said` stands in the message.
 pub(crate) fn expect_refused(good: &str, from: &str, to: &str, said: &str) {
     assert!(good.contains(from), "{from}");
-    let text = good.replacen(from, to, 1);
+    let text = completed(&good.replacen(from, to, 1));
     let Err(mistakes) = Scene::parse(&text, "test", Path::new(""), &[]) else {
         panic!("accepted: {to}");
     };
@@ -53,6 +90,27 @@ pub(crate) fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
     let off = (found / expected - 1.0).abs();
     println!("{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
     assert!(off <= tolerance, "{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
+}
+
+/// The text of a file in `tests/reference`.
+pub(crate) fn reference(name: &str) -> String {
+    let path = format!("{}/tests/reference/{name}", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"))
+}
+
+/// A file in `tests/reference` that is JSON.
+pub(crate) fn json(name: &str) -> Value {
+    serde_json::from_str(&reference(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+/// A number of a JSON text.
+pub(crate) fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
+}
+
+/// A body of the first shape that moves and does not turn.
+pub(crate) fn at(id: u64, position: Vec3, velocity: Vec3) -> Particle {
+    ball(id, 0, position, velocity)
 }
 
 /// A body of a shape that moves and does not turn.
@@ -87,18 +145,23 @@ pub(crate) fn schedule(scene: &Scene, last_step: u64, out: &Path) -> Schedule {
 
 /// Writes a snapshot of this moment. Collective.
 pub(crate) fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) {
-    let m = sim.measure(comm);
-    let header: Header = sim.header(&scene.text, &m.wall_forces, comm);
+    save_with(sim, directory, scene, |_| (), comm);
+}
+
+/// Writes a snapshot with another header. Collective.
+pub(crate) fn save_with(
+    sim: &Simulation,
+    directory: &Path,
+    scene: &Scene,
+    change: impl Fn(&mut Header),
+    comm: &mut dyn Comm,
+) {
+    let forces = sim.measure(comm).wall_forces;
+    let mut header = sim.header(&scene.text, &forces, comm);
+    change(&mut header);
     let particles = sim.particle_table(comm.rank());
-    snapshot::write(
-        directory,
-        &header,
-        &particles,
-        &sim.contact_table(),
-        &sim.contact_records(),
-        comm,
-    )
-    .unwrap();
+    let (contacts, records) = (sim.contact_table(), sim.contact_records());
+    snapshot::write(directory, &header, &particles, &contacts, &records, comm).unwrap();
 }
 
 /// The bits of what moves each particle, under its id.
@@ -122,6 +185,27 @@ pub(crate) fn motion(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u6
     })
 }
 
+/// The bits of all that is known of each particle, under its id.
+pub(crate) fn all_bits(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u64>)> + '_ {
+    motion(table).enumerate().map(|(k, (id, mut row))| {
+        let accumulated = table.accumulated.row(k);
+        row.extend(Quantity::ALL.map(|quantity| accumulated[quantity].to_bits()));
+        row.extend([table.scale_of(k).to_bits(), table.coordination[k] as u64]);
+        row.push(table.standing[k].0);
+        row.extend(table.image.get(k).into_iter().flatten().map(|&n| n as u64));
+        (id, row)
+    })
+}
+
+/// The bits of what is remembered of each contact, its overlap last, under the ids of both.
+fn remembered(records: &ContactRecords) -> impl Iterator<Item = (u64, u64, Vec<u64>)> + '_ {
+    records.iter().map(|named| {
+        let normal = named.geometry.normal.iter();
+        let numbers = normal.chain(named.state).chain([&named.geometry.overlap]);
+        (named.a.0, named.b.0, numbers.map(|x| x.to_bits()).collect())
+    })
+}
+
 /// What servos have saved.
 pub(crate) fn of_servos(drives: &[SavedState]) -> &SavedState {
     drives.iter().find(|saved| saved.drive == "servos").expect("there are servos")
@@ -130,8 +214,10 @@ pub(crate) fn of_servos(drives: &[SavedState]) -> &SavedState {
 /// Everything of which the future of a simulation is made, of all its ranks.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State {
-    /// What moves each particle, under its id.
+    /// Of each particle, under its id.
     pub(crate) bits: Vec<(u64, Vec<u64>)>,
+    /// Of each contact, its overlap last, under the ids of both.
+    pub(crate) records: Vec<(u64, u64, Vec<u64>)>,
     /// Energies [J], places of walls, forces on them, and what drives count.
     scalars: Vec<(String, u64)>,
     pub(crate) drives: Vec<SavedState>,
@@ -148,12 +234,20 @@ impl State {
             ("dissipated", m.dissipated),
             ("received", m.received),
             ("missing", m.missing()),
+            ("mean_normal_force", m.mean_normal_force),
+            ("largest_overlap", m.largest_overlap),
+            ("largest_speed", m.largest_speed),
+            ("unbalanced", m.unbalanced),
+            ("top", m.top),
             ("contacts", m.contacts as f64),
             ("wall_contacts", m.wall_contacts as f64),
         ]
         .map(|(name, number)| (name.to_owned(), number))
         .into();
+        scalars.extend(m.channels.map(|x| ("channel".to_owned(), x)));
         for wall in &sim.particles.walls {
+            scalars
+                .extend(wall.velocity.iter().map(|&x| (format!("velocity of {}", wall.name), x)));
             let place = wall.point.iter().chain(wall.orientation.coords.iter());
             scalars.extend(place.map(|&x| (format!("place of {}", wall.name), x)));
         }
@@ -161,7 +255,8 @@ impl State {
         scalars.extend(forces.map(|&x| ("force".to_owned(), x)));
         scalars.extend(sim.drives.iter().flat_map(|drive| drive.counted()));
         Self {
-            bits: motion(&sim.particle_table(comm.rank())).collect(),
+            bits: all_bits(&sim.particle_table(comm.rank())).collect(),
+            records: remembered(&sim.contact_records()).collect(),
             scalars: scalars.into_iter().map(|(name, x)| (name, x.to_bits())).collect(),
             drives: sim.header("", &m.wall_forces, comm).drives,
         }
@@ -174,9 +269,23 @@ impl State {
         for other in ranks {
             assert_eq!((&other.scalars, &other.drives), (&all.scalars, &all.drives));
             all.bits.extend(other.bits);
+            all.records.extend(other.records);
         }
         all.bits.sort();
+        all.records.sort();
         all
+    }
+
+    /// Tells where another state differs.
+    pub(crate) fn expect(&self, other: &Self, what: &str) {
+        assert_eq!(self.bits.len(), other.bits.len(), "{what}: number of particles");
+        let rows = self.bits.iter().zip(&other.bits);
+        let differing: Vec<u64> = rows.filter(|(a, b)| a != b).map(|(a, _)| a.0).collect();
+        assert!(differing.is_empty(), "{what}: particles {differing:?} differ");
+        assert_eq!(self.records.len(), other.records.len(), "{what}: number of contacts");
+        assert!(self.records == other.records, "{what}: a contact's geometry differs");
+        assert_eq!(self.scalars, other.scalars, "{what}: energies and walls");
+        assert_eq!(self.drives, other.drives, "{what}: drives");
     }
 
     /// What all walls have given to the grains [J].
@@ -211,7 +320,22 @@ impl<'a> OnRanks<'a> {
 
     /// After so many steps from the start.
     pub(crate) fn run(&self, ranks: u32, steps: u64) -> State {
-        State::joined(threads::run(ranks, |comm| State::of(&self.began(steps, comm), comm)))
+        self.run_and_look(ranks, steps, |_| ()).0
+    }
+
+    /// The same, and what is seen then on each rank.
+    pub(crate) fn run_and_look<T: Send>(
+        &self,
+        ranks: u32,
+        steps: u64,
+        look: impl Fn(&Simulation) -> T + Sync,
+    ) -> (State, Vec<T>) {
+        let parts = threads::run(ranks, |comm| {
+            let sim = self.began(steps, comm);
+            (State::of(&sim, comm), look(&sim))
+        });
+        let (states, seen) = parts.into_iter().unzip();
+        (State::joined(states), seen)
     }
 
     /// The same, saved after some steps and taken up on another number of ranks.
@@ -224,6 +348,7 @@ impl<'a> OnRanks<'a> {
         threads::run(before, |comm| {
             save(&self.began(saved, comm), folder, self.scene, comm);
         });
+        assert_eq!(snapshot::Reader::open(folder).unwrap().header().step, saved);
         State::joined(threads::run(after, |comm| {
             let mut sim = (self.assembled)(self.scene, comm);
             assemble::take_up(&mut sim, self.scene, folder, Continuation::SameStage, comm)
@@ -233,15 +358,38 @@ impl<'a> OnRanks<'a> {
         }))
     }
 
+    /// On one rank, if it is the same on other numbers of them, and over restarts half-way, each from a number of ranks to another.
+    pub(crate) fn the_same_on(&self, steps: u64, others: &[u32], restarts: &[[u32; 2]]) -> State {
+        let alone = self.run(1, steps);
+        for &ranks in others {
+            alone.expect(&self.run(ranks, steps), &format!("{ranks} ranks"));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        self.leaves_no_trace(&alone, steps, restarts, folder.path());
+        alone
+    }
+
+    /// It is the same over restarts half-way, each from a number of ranks to another; snapshots go to the folder.
+    pub(crate) fn leaves_no_trace(
+        &self,
+        alone: &State,
+        steps: u64,
+        restarts: &[[u32; 2]],
+        folder: &Path,
+    ) {
+        for &[before, after] in restarts {
+            let again = self.restarted([before, after], [steps / 2, steps], folder);
+            alone.expect(&again, &format!("{before} ranks, then {after}"));
+        }
+    }
+
     /// On one rank, if it is the same on 2, 3, 4 and 8, and across restarts from 3 to 2, from the start and from half-way, whose snapshot is
     /// left in the folder.
     pub(crate) fn the_same_everywhere(&self, steps: u64, folder: &Path) -> State {
-        let alone = self.run(1, steps);
-        for ranks in [2, 3, 4, 8] {
-            assert!(alone == self.run(ranks, steps), "{ranks} ranks");
-        }
+        let alone = self.the_same_on(steps, &[2, 3, 4, 8], &[]);
         for saved in [0, steps / 2] {
-            assert!(alone == self.restarted([3, 2], [saved, steps], folder), "from step {saved}");
+            let again = self.restarted([3, 2], [saved, steps], folder);
+            alone.expect(&again, &format!("from step {saved}"));
         }
         alone
     }

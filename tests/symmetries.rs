@@ -132,13 +132,11 @@ impl Cloud {
             )
         });
         format!(
-            "gravity = {}\n[domain]\nlow = {}\nhigh = {}\n{wall}{}\n[[shape]]\nname = \"grain\"\n{shape}\n[[fill.lattice]]\nshapes = [\"grain\"]\nfirst = {}\ncount = [1, 1, 1]\n[time]\nstep = \
-             {:?}\nsteps = 1\n[output]\ndirectory = \"out\"\n",
+            "gravity = {}\n[domain]\nlow = {}\nhigh = {}\n{wall}{}\n[[shape]]\nname = \"grain\"\n{shape}\n[time]\nstep = {:?}\n",
             numbers(*gravity),
             all(-1.0),
             all(1.0),
             law.text(*unit),
-            all(0.5),
             STEP * unit.time
         )
     }

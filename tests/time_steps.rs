@@ -31,7 +31,7 @@ fn spheres(walls: &str, fill: &str) -> String {
         "[domain]\nlow = [0, 0, 0]\nhigh = [0.1, 0.1, 0.1]\n{walls}\n[law]\nadhesion = \"dmt\"\n{}{}\
          [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nmaterial = \"steel\"\nradius = 0.01\n\
          [[shape]]\nname = \"grain\"\nkind = \"sphere\"\nmaterial = \"soft\"\nradius = 0.001\n{fill}\
-         [time]\nstep = 1e-12\nsteps = 1\nallow_unstable = true\n[output]\ndirectory = \"out\"\n",
+         [time]\nstep = 1e-12\nallow_unstable = true\n",
         material("steel", 7200.0, STEEL, 0.01),
         material("soft", 2500.0, SOFT, 0.001),
     )
@@ -168,7 +168,6 @@ velocity = [0, 0, -1]
 step = "auto"
 duration = 0.05
 [output]
-directory = "out"
 history_every = 20
 "#;
 
@@ -250,12 +249,12 @@ fn a_stage_that_begins_pressed_has_the_step_for_it() {
     let folder = tempfile::tempdir().unwrap();
     let pressed = scene(&format!(
         "{}[[fill.lattice]]\nfirst = [0.005, 0.005, 0.005]\nspacing = 0.01\ncount = [4, 4, 4]\n\
-         [time]\nstep = \"auto\"\nsteps = 3000\n[output]\ndirectory = \"out\"\n",
+         [time]\nstep = \"auto\"\nsteps = 3000\n",
         box_of(5e4, "largest_overlap = 0.4")
     ));
     leg(&pressed, folder.path(), 1, None, None);
     let unloading = scene(&format!(
-        "start = {:?}\n{}[time]\nstep = \"auto\"\nduration = 0.01\n[output]\ndirectory = \"out\"\n",
+        "start = {:?}\n{}[time]\nstep = \"auto\"\nduration = 0.01\n",
         folder.path(),
         box_of(1e3, "")
     ));
@@ -281,7 +280,7 @@ fn a_run_ends_for_the_contacts_that_are_there() {
              [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = {large}\n[[shape]]\nname = \"grain\"\nkind = \"sphere\"\nradius = {small}\n\
              [[fill.lattice]]\nshapes = [\"grain\"]\nfirst = [0.05, 0.05, {grain:e}]\ncount = [1, 1, 1]\n\
              [[fill.lattice]]\nshapes = [\"ball\"]\nfirst = [0.05, 0.05, {ball:e}]\ncount = [1, 1, 1]\nvelocity = [0, 0, {speed}]\n\
-             [time]\nstep = {dt:e}\nduration = 2e-4\n[output]\ndirectory = \"out\"\nhistory_every = 1\n"
+             [time]\nstep = {dt:e}\nduration = 2e-4\n[output]\nhistory_every = 1\n"
         )
     };
     let modulus = youngs / (1.0 - poisson * poisson);
@@ -331,7 +330,7 @@ fn contacts_that_jump_between_stages_are_warned_of() {
         format!(
             "gravity = [0, 0, -10]\n{rest}\n[domain]\nlow = [0, 0, 0]\nhigh = [0.1, 0.1, 0.1]\nwalls = [\"-z\"]\n{law}\n\
              [[material]]\nname = \"m\"\ndensity = 2500\n{material}\n[[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.01\n\
-             [time]\nstep = 1e-6\nsteps = 10\n[output]\ndirectory = \"out\"\n"
+             [time]\nstep = 1e-6\nsteps = 10\n"
         )
     };
     let at_rest = "[[fill.lattice]]\nfirst = [0.05, 0.05, 0.0099]\ncount = [1, 1, 1]\n";
@@ -404,7 +403,7 @@ fn a_servo_is_warned_of_by_its_own_stress() {
              [[material]]\nname = \"m\"\ndensity = 2500\nyoungs_modulus = {youngs:e}\npoisson_ratio = {poisson}\n\
              [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.01\n[[servo]]\nwalls = [\"+z\"]\nstress = {stress:e}\nmax_speed = 0.01\n\
              [[fill.lattice]]\nfirst = [0.02, 0.02, 0.02]\nspacing = 0.02\ncount = [2, 2, 2]\n\
-             [time]\nstep = \"auto\"\nsteps = 10\n[output]\ndirectory = \"out\"\n"
+             [time]\nstep = \"auto\"\nsteps = 10\n"
         ));
         doubts::doubts(&scene).into_iter().find(|text| text.contains("presses grains"))
     };
@@ -424,7 +423,7 @@ fn what_is_most_often_a_mistake_is_warned_of() {
              [[material]]\nname = \"m\"\ndensity = 2500\nnormal_stiffness = 1e4\n\
              [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.004\n\
              [fill.rain]\ncount = 20\nvelocity = [0, 0, {velocity}]\n{outlet}\
-             [time]\nstep = 1e-5\nsteps = 60_000\n[output]\ndirectory = \"out\"\nsnapshot_every = {every}\n"
+             [time]\nstep = 1e-5\nsteps = 60_000\n[output]\nsnapshot_every = {every}\n"
         )
     };
     let drain = "[[outlet]]\nname = \"drain\"\npoint = [0, 0, 0.01]\nnormal = [0, 0, 1]\n";

@@ -18,10 +18,6 @@ fn text(law: &str, shape: &str, material: &str) -> String {
     format!(
         r#"
 {law}
-[domain]
-low = [-1, -1, 0]
-high = [1, 1, 1]
-walls = ["-z"]
 [[material]]
 name = "m"
 density = {DENSITY}
@@ -29,15 +25,8 @@ density = {DENSITY}
 [[shape]]
 name = "grain"
 {shape}
-[[fill.lattice]]
-first = [0, 0, 0.5]
-count = [1, 1, 1]
-spacing = 1
 [time]
 step = 1e-7
-steps = 1
-[output]
-directory = "out"
 "#
     )
 }

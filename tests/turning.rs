@@ -42,19 +42,15 @@ restitution = 0.5
 name = "ball"
 kind = "sphere"
 radius = {RADIUS}
-[[fill.lattice]]
-first = [0, 0, {RADIUS}]
-count = [1, 1, 1]
-spacing = 1
 [time]
 step = {step:e}
-steps = 1
-[output]
-directory = "out"
 "#,
         down.x, down.y, down.z, law.0, law.1
     )
 }
+
+/// A second ball.
+const SMALL: &str = "[[shape]]\nname = \"small\"\nkind = \"sphere\"\nradius = 0.004\n";
 
 fn mass() -> f64 {
     DENSITY * 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3)
@@ -187,14 +183,7 @@ fn pair(swapped: bool, turn: &Mat3, drift: Vec3) -> [(Vec3, Vec3); 2] {
     )
     .replace("walls = [\"-z\"]", "")
     .replace("low = [-10, -10, 0]", "low = [-10, -10, -10]")
-    .replace(
-        "[[fill",
-        "[[shape]]\nname = \"small\"\nkind = \"sphere\"\nradius = 0.004\n[[fill",
-    )
-    .replace(
-        "first = [0, 0, 0.01]",
-        "shapes = [\"ball\"]\nfirst = [0, 0, 0.01]",
-    );
+        + SMALL;
     let scene = scene(&text);
     let ids = if swapped { [1, 0] } else { [0, 1] };
     let ball = |k: usize, position: Vec3, velocity: Vec3, spin: Vec3| Particle {
@@ -286,10 +275,7 @@ fn the_balance_of_a_crowd_closes() {
             )
             .replace("walls = [\"-z\"]", "walls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\"]")
             .replace("kind = \"sphere\"\nradius = 0.01", shape)
-            .replace(
-                "first = [0, 0, 0.01]\ncount = [1, 1, 1]\nspacing = 1",
-                "low = [0, 0, 0]\nhigh = [0.06, 0.06, 0.06]\nvelocity = [0.5, -0.3, -1.5]",
-            );
+            + "[[fill.lattice]]\nlow = [0, 0, 0]\nhigh = [0.06, 0.06, 0.06]\nvelocity = [0.5, -0.3, -1.5]\n";
         let scene = scene(&text);
         let mut comm = dem_mpi::comm::alone::Alone::default();
         let mut sim = crate::support::begun(&scene, &mut comm);
@@ -418,8 +404,7 @@ fn moments_of_unequal_balls_have_their_closed_forms() {
     .replace("restitution = 0.5", "restitution = 1")
     .replace("walls = [\"-z\"]", "")
     .replace("low = [-10, -10, 0]", "low = [-10, -10, -10]")
-    .replace("[[fill", "[[shape]]\nname = \"small\"\nkind = \"sphere\"\nradius = 0.004\n[[fill")
-    .replace("first = [0, 0, 0.01]", "shapes = [\"ball\"]\nfirst = [0, 0, 0.01]");
+        + SMALL;
     let scene = scene(&text);
     let radii = [RADIUS, 0.004];
     let reduced = radii[0] * radii[1] / (radii[0] + radii[1]);

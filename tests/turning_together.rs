@@ -51,16 +51,8 @@ restitution = 0.3
 tangential_damping_ratio = 0.3
 rolling_friction = 0.5
 {shapes}
-[[fill.lattice]]
-shapes = ["s0"]
-first = [0, 0, 0.5]
-count = [1, 1, 1]
-spacing = 1
 [time]
 step = {:e}
-steps = 1
-[output]
-directory = "out"
 "#,
         wall("low", Vec3::zeros(), normal),
         wall("high", normal * apart, -normal),

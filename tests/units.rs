@@ -87,9 +87,6 @@ velocity = {thrown}
 method = "{method}"
 [time]
 step = 7e-6
-steps = 2000
-[output]
-directory = "out"
 "#
     )
 }

@@ -40,14 +40,8 @@ friction = {friction:?}
 name = "ball"
 kind = "sphere"
 radius = {RADIUS:?}
-[[fill.lattice]]
-first = [0, 0, 0.05]
-count = [1, 1, 1]
 [time]
 step = {dt:?}
-steps = 1
-[output]
-directory = "out"
 "#
     )
 }
@@ -170,8 +164,6 @@ step = 1e-5
 steps = 6000
 [neighbours]
 imbalance = 1.05
-[output]
-directory = "out"
 "#;
 
 /// Ellipsoids and spheres of one size each.

@@ -46,8 +46,6 @@ velocity = [0.5, 0.3, -3.0]
 [time]
 step = 1e-5
 steps = 300
-[output]
-directory = "out"
 "#;
 
 /// Runs [`FALLING`], and leaves a snapshot of its end and its history in `directory`.
