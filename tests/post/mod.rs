@@ -9,7 +9,7 @@ mod program;
 mod region;
 mod stress;
 
-use crate::packings::Snapshot;
+use crate::support::packings::Snapshot;
 use crate::support::{json, number};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;

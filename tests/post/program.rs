@@ -1,7 +1,7 @@
 //! dem-post on the files of a run.
 
 use super::{ROUNDING, close, close_matrix, number};
-use crate::packings::{ellipsoids, store};
+use crate::support::packings::{ellipsoids, store};
 use crate::support::{begun, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
