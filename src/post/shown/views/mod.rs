@@ -8,8 +8,8 @@ mod profile;
 
 use super::draw::PlotError;
 use super::plots::Plot;
-use super::region::{Bounds, Margin, Turned};
-use super::{PostError, pieces};
+use crate::post::region::{Bounds, Margin, Turned};
+use crate::post::{PostError, pieces};
 use crate::math::Vec3;
 use crate::output::header::Header;
 use crate::output::snapshot::Reader;

@@ -5,7 +5,7 @@ use super::draw::{
     Axes, BLUE, GREEN, INK, MUTED, Mark, ORANGE, PURPLE, PlotError, SIZE, Series, VERMILION, chart,
     decades, span, tick,
 };
-use super::history::{Curve, History};
+use crate::post::history::{Curve, History};
 use super::plots::{Plot, Width};
 use crate::cell::AXES;
 use crate::drive::servo::Target;

@@ -4,7 +4,7 @@ use crate::math::Vec3;
 use crate::post::plots::{Plot, Width};
 use crate::post::region::Bounds;
 use crate::post::report::readable;
-use crate::post::side::Side;
+use crate::post::shown::side::Side;
 use std::fmt::Write;
 
 /// The strongest contacts.

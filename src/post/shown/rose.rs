@@ -4,9 +4,9 @@ use super::draw::{
     Anchor, BLUE, Canvas, FINE, GRID, INK, MUTED, ORANGE, PlotError, VERMILION, drawing, label, px,
     scientific, tick,
 };
-use super::fabric::Rose;
+use crate::post::fabric::Rose;
 use super::plots::{Plot, Width};
-use super::report::{Report, readable};
+use crate::post::report::{Report, readable};
 use crate::math::Mat3;
 use plotters::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};

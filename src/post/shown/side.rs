@@ -1,7 +1,7 @@
 //! Drawings from the side, along +y: x to the right, z up. A bar says how long things are.
 
 use super::draw::{scientific, tick};
-use super::region::Bounds;
+use crate::post::region::Bounds;
 use std::fmt::Write;
 
 /// From metres to pixels, around a box.

@@ -2,12 +2,12 @@
 //! inside, no scripts), and follows the reader's light or dark setting.
 
 use super::draw::PlotError;
-use super::forces::Forces;
-use super::history::History;
+use crate::post::forces::Forces;
+use crate::post::history::History;
 use super::panels::panels;
 use super::plots::{self, Plot, Width};
-use super::region::Bounds;
-use super::report::{Report, readable};
+use crate::post::region::Bounds;
+use crate::post::report::{Report, readable};
 use super::rose::roses;
 use super::views::Views;
 use crate::drive::servo::Target;

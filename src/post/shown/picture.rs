@@ -9,8 +9,8 @@
 //! On bodies with faces those that are seen are drawn, too, unless there are very many grains: of rounded ones what is flat
 //! of them.
 
-use super::PostError;
-use super::region::{Bounds, Members, Turned};
+use crate::post::PostError;
+use crate::post::region::{Bounds, Members, Turned};
 use super::side::scale_bar;
 use crate::contact::Posed;
 use crate::ids::GlobalId;

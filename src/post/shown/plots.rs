@@ -1,12 +1,12 @@
 //! Plots of a snapshot and of a series; every plot can be read alone and stands in the page as well.
 
-use super::coordination::{Coordination, CoordinationNumbers};
+use crate::post::coordination::{Coordination, CoordinationNumbers};
 use super::draw::{
     Axes, BLUE, INK, Mark, ORANGE, PlotError, SIZE, Series, VERMILION, chart, decades, linear,
     rule, span,
 };
-use super::forces::Histogram;
-use super::report::{Report, Summary, readable};
+use crate::post::forces::Histogram;
+use crate::post::report::{Report, Summary, readable};
 use plotters::style::RGBColor;
 
 /// How much of the width of a page a plot takes; of a narrow page every one takes all.
@@ -200,7 +200,7 @@ pub fn friction(used: &Histogram) -> Result<Plot, PlotError> {
 }
 
 /// A number of a summary.
-type Pick = fn(&super::Summary) -> Option<f64>;
+type Pick = fn(&crate::post::Summary) -> Option<f64>;
 
 /// A plot over a series: name, title, label, and the curves with their names.
 type Wanted<'a> = (&'a str, &'a str, &'a str, &'a [(&'a str, Pick)]);
