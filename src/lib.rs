@@ -1,7 +1,7 @@
 //! **dem-mpi**: a discrete element method for non-spherical grains on distributed memory.
 //!
 //! The modules, in the order in which they may import each other (a module uses only rows above
-//! its own; `tests/layers.rs` checks it):
+//! its own; `tests/project/layers.rs` checks it):
 //!
 //! | row | modules | what they are |
 //! |---|---|---|

@@ -16,7 +16,7 @@
 //!
 //! All keys of a scene: [`crate::scene`], or `dem-mpi --keys`. How the program is built: the [crate's front page](crate).
 //!
-//! `tests/guide.rs` reads every scene in these pages as the program would.
+//! `tests/project/guide.rs` reads every scene in these pages as the program would.
 
 #[doc = include_str!("start.md")]
 pub mod start {}

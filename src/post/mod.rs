@@ -10,6 +10,8 @@
 //! particles, [`ContactPass`] stress, coordination, fabric and the mean force, [`ForcePass`] all
 //! that needs the mean force or the fabric first. [`analyse`] runs them over a file.
 //!
+//! Numbers stand in this folder:
+//!
 //! | file | what it is |
 //! |---|---|
 //! | [`region`] | where to measure; volume, solid fraction, strain |
@@ -17,20 +19,25 @@
 //! | [`report`] | the numbers of a snapshot, as JSON, as a row of CSV, and to read |
 //! | [`series`] | the snapshots of a run, one after the other |
 //! | [`history`] | the scalars that the run wrote by time |
-//! | [`draw`] | charts: series, axes, panels |
-//! | [`views`] | what stands where: force chains, velocities, averages by height |
-//! | [`plots`] [`panels`] [`rose`] [`picture`] [`page`] | what there is to look at |
 //! | [`measures`] [`errors`] | those that are made when they are asked for, and why they cannot be: |
 //! | [`fields`] [`mixing`] [`slope`] [`flow`] | density, velocity and stress on a [`grid`]; Lacey's index; angle of a heap; flow rates |
-//! | [`sizes`] | sizes of the particles beside those that were asked for |
 //! | [`diff`] | whether two snapshots are the same, bit for bit |
 //! | [`lammps`] | particles for OVITO |
 //! | [`surface`] [`export`] [`vtp`] | surfaces of bodies; a snapshot as VTP; its file |
+//!
+//! Pictures and pages stand in [`shown`]:
+//!
+//! | file | what it is |
+//! |---|---|
+//! | [`draw`] | charts: series, axes, panels |
+//! | [`views`] | where things are: force chains, velocities, averages by height |
+//! | [`plots`] [`panels`] [`rose`] [`picture`] | curves, distributions, roses, the packing from the side |
+//! | [`sizes`] | sizes of the particles beside those that were asked for |
+//! | [`page`] | all of it on a page |
 
 mod check;
 pub mod coordination;
 pub mod diff;
-pub mod draw;
 pub mod errors;
 pub mod export;
 pub mod fabric;
@@ -42,24 +49,18 @@ pub mod history;
 pub mod lammps;
 pub mod measures;
 pub mod mixing;
-pub mod page;
-pub mod panels;
-pub mod picture;
-pub mod plots;
 pub mod region;
 pub mod report;
-pub mod rose;
 pub mod series;
-mod side;
-pub mod sizes;
+pub mod shown;
 pub mod slope;
 pub mod stress;
 pub mod sums;
 pub mod surface;
-pub mod views;
 pub mod vtp;
 
 pub use report::{Report, Summary};
+pub use shown::{draw, page, panels, picture, plots, rose, sizes, views};
 
 use crate::drive::DriveError;
 use crate::ids::GlobalId;

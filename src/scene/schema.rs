@@ -1,5 +1,5 @@
 //! A JSON schema of scene files, by which editors complete and check them: names, units and meanings as [`keys`] lists them,
-//! types and ranges as the reader checks them (`tests/schema.rs` compares the two).
+//! types and ranges as the reader checks them (`tests/scene/schema.rs` compares the two).
 //!
 //! It knows each table by itself. What concerns several (names, the stable time step, room) `dem-mpi --check` finds.
 

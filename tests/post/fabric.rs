@@ -1,8 +1,9 @@
 //! Fabric, its anisotropies and roses.
 
-use super::{ROUNDING, close, close_matrix, json, matrix, number, reference};
-use crate::packings::{Snapshot, header, particles_at, push, push_force};
-use crate::random::Draw;
+use super::{ROUNDING, close, close_matrix, json, matrix, number};
+use crate::support::packings::{Snapshot, header, particles_at, push, push_force};
+use crate::support::random::Draw;
+use crate::support::reference;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::output::tables::ContactTable;

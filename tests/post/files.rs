@@ -1,7 +1,7 @@
 //! Differences, histories and dumps.
 
 use super::pieces::some_particles;
-use crate::packings::{Snapshot, ellipsoids};
+use crate::support::packings::{Snapshot, ellipsoids};
 use dem_mpi::contact::{ContactRecords, StateColumn};
 use dem_mpi::drive::{SavedColumn, SavedState, Values};
 use dem_mpi::math::Vec3;

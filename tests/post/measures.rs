@@ -1,8 +1,8 @@
 //! Fields, mixing, slopes and flows against what they must be.
 
 use super::{arrays, close, close_matrix};
-use crate::packings::{Snapshot, header, particles_at, push, push_force, store};
-use crate::random::Draw;
+use crate::support::packings::{Snapshot, header, particles_at, push, push_force, store};
+use crate::support::random::Draw;
 use dem_mpi::cell::Shear;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Vec3};

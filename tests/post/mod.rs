@@ -9,7 +9,8 @@ mod program;
 mod region;
 mod stress;
 
-use crate::packings::Snapshot;
+use crate::support::packings::Snapshot;
+use crate::support::{json, number};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use dem_mpi::math::Mat3;
@@ -39,19 +40,6 @@ fn arrays<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(file: &[u8]) -> impl 
         // The length stands in front.
         bytemuck::pod_collect_to_vec(&bytes[8..])
     }
-}
-
-fn reference(name: &str) -> String {
-    let path = format!("{}/tests/reference/{name}", env!("CARGO_MANIFEST_DIR"));
-    std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"))
-}
-
-fn json(name: &str) -> Value {
-    serde_json::from_str(&reference(name)).expect("the reference is JSON")
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
 fn matrix(value: &Value) -> Mat3 {

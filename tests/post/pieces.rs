@@ -2,7 +2,7 @@
 
 use super::fabric::contacts_with;
 use super::{ROUNDING, close};
-use crate::packings::{Snapshot, ellipsoids, header, particles_at, push, push_force};
+use crate::support::packings::{Snapshot, ellipsoids, header, particles_at, push, push_force};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::tables::{ContactTable, ParticleTable};

@@ -1,7 +1,7 @@
 //! Plots and the page.
 
 use super::fabric::contacts_with;
-use crate::packings::{Snapshot, ellipsoids, header, particles_at, push, push_force};
+use crate::support::packings::{Snapshot, ellipsoids, header, particles_at, push, push_force};
 use dem_mpi::cell::Cell;
 use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::{SavedColumn, SavedState, Values, servo};

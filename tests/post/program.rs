@@ -1,7 +1,7 @@
 //! dem-post on the files of a run.
 
 use super::{ROUNDING, close, close_matrix, number};
-use crate::packings::{ellipsoids, store};
+use crate::support::packings::{ellipsoids, store};
 use crate::support::{begun, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
@@ -46,8 +46,6 @@ velocity = [0.5, 0.3, -3.0]
 [time]
 step = 1e-5
 steps = 300
-[output]
-directory = "out"
 "#;
 
 /// Runs [`FALLING`], and leaves a snapshot of its end and its history in `directory`.

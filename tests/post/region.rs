@@ -2,8 +2,8 @@
 
 use super::stress::lattice_case;
 use super::{ROUNDING, arrays, close, number};
-use crate::packings::{Snapshot, boxed, closed, ellipsoids, header, particles_at, store};
-use crate::random::Draw;
+use crate::support::packings::{Snapshot, boxed, closed, ellipsoids, header, particles_at, store};
+use crate::support::random::Draw;
 use dem_mpi::cell::Cell;
 use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::output::header::{Header, WallRow};

@@ -1,7 +1,9 @@
 //! Stress, coordination and density of lattices, boxes and parts of packings.
 
 use super::{ROUNDING, close, close_matrix, json, matrix, members, number};
-use crate::packings::{Snapshot, boxed, ellipsoids, header, particles_at, push, push_force};
+use crate::support::packings::{
+    Snapshot, boxed, ellipsoids, header, particles_at, push, push_force,
+};
 use dem_mpi::cell::Cell;
 use dem_mpi::ids::GlobalId;
 use dem_mpi::math::{Mat3, Vec3};

@@ -1,7 +1,7 @@
 //! Folders and files of runs: what is somebody else's stays, what is lost is told, and what is printed can be run.
 
 use super::process::{Call, Ended, Launch, dem_mpi, dem_post, signal};
-use super::{fresh_directory, scene, snapshot};
+use super::{OVER_AT_ONCE, fresh_directory, scene, snapshot, written};
 use dem_mpi::output::snapshot::Reader;
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -286,10 +286,7 @@ fn a_terminal_that_closes_leaves_a_snapshot() {
 #[test]
 fn steps_beyond_a_stop_are_done() {
     let folder = fresh_directory("beyond_stop");
-    let text = "[domain]\nlow = [0, 0, 0]\nhigh = [1, 1, 1]\n[[material]]\nname = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4\n\
-                [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.01\n[[fill.lattice]]\nfirst = [0.5, 0.5, 0.5]\ncount = [1, 1, 1]\n\
-                [[outlet]]\nname = \"below\"\npoint = [0, 0, 0.1]\nnormal = [0, 0, 1]\n[stop]\nremaining = 5\n[time]\nstep = 1e-5\nsteps = 50\n[output]\ndirectory = \"out\"\n";
-    fs::write(folder.join("scene.toml"), text).unwrap();
+    written(&folder, OVER_AT_ONCE);
     let run = |more: &[&str]| {
         let words = [&["scene.toml"], more].concat();
         dem_mpi(Launch::Alone, words).from(&folder).succeed()

@@ -1,7 +1,7 @@
 //! What a run tells of its memory is what the system sees, and what it holds for a moment is bounded.
 
 use super::process::{Launch, dem_mpi};
-use super::{fresh_directory, report};
+use super::{fresh_directory, report, written};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -20,7 +20,6 @@ fn lattice(along: u32) -> String {
     let side = f64::from(along) * 2.0 * radius;
     format!(
         r#"
-title = "Balls that touch"
 gravity = [0.0, 0.0, -9.81]
 [domain]
 low = [0.0, 0.0, 0.0]
@@ -44,7 +43,6 @@ count = [{along}, {along}, {along}]
 step = 1e-6
 steps = 20
 [output]
-directory = "out"
 snapshot_every = 10
 "#
     )
@@ -52,9 +50,8 @@ snapshot_every = 10
 
 /// The report of a run of such a lattice, and the most that the system has seen in its first process [bytes].
 fn run(along: u32, launch: Launch, directory: &Path) -> (Value, f64) {
-    let (scene, out) = (directory.join("lattice.toml"), directory.join("out"));
-    fs::write(&scene, lattice(along)).unwrap();
-    let arguments = [scene.as_os_str(), "--out".as_ref(), out.as_os_str(), "--overwrite".as_ref()];
+    let (scene, out) = (written(directory, &lattice(along)), directory.join("out"));
+    let arguments = [scene.as_ref(), "--out".as_ref(), out.as_os_str(), "--overwrite".as_ref()];
     let running = dem_mpi(launch, arguments).start();
     let status = format!("/proc/{}/status", running.id());
     let mut most = 0.0_f64;

@@ -1,7 +1,9 @@
 //! `report.json`: its keys, and that its figures hold together; the lines that a person gets.
 
 use super::process::{Call, Launch, dem_mpi};
-use super::{HEAP_STEPS, assert_same_result, column, fresh_directory, heap, report, scene};
+use super::{
+    HEAP_STEPS, assert_same_result, column, fresh_directory, heap, report, scene, written,
+};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -218,11 +220,9 @@ fn bytes_of_ghosts_are_those_of_messages() {
     let directory = fresh_directory("row");
     let row = "[domain]\nlow = [0, -1, -1]\nhigh = [16, 1, 1]\n[[material]]\nname = \"m\"\ndensity = 1\nnormal_stiffness = 1\n\
                [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.5\n[[fill.lattice]]\nfirst = [0.5, 0, 0]\ncount = [16, 1, 1]\n\
-               spacing = 1\n[time]\nstep = 1e-3\nsteps = 500\n[output]\ndirectory = \"out\"\n";
-    std::fs::write(directory.join("row.toml"), row).unwrap();
-    let (row, out) = (directory.join("row.toml"), directory.join("out"));
-    dem_mpi(Launch::Ranks(2), [row.as_os_str(), "--out".as_ref(), out.as_os_str()]).succeed();
-    let report = report(&out);
+               spacing = 1\n[time]\nstep = 1e-3\nsteps = 500\n";
+    dem_mpi(Launch::Ranks(2), [written(&directory, row)]).from(&directory).succeed();
+    let report = report(&directory.join("out"));
     let number = |key: &str| number(&report, &format!("/ranks/{key}"));
     assert!((number("imbalance") - 1.0).abs() < 0.2, "{report:#}");
     let ghosts = 8.0 * number("ghosts_per_owned/mean");

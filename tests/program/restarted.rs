@@ -2,8 +2,8 @@
 
 use super::process::{Ended, Launch, dem_mpi};
 use super::{
-    HEAP_STEPS, assert_same_result, column, finished, fresh_directory, heap, history, scene,
-    snapshot,
+    HEAP_STEPS, OVER_AT_ONCE, assert_same_result, column, finished, fresh_directory, heap, history,
+    scene, snapshot, written,
 };
 use dem_mpi::contact::StateColumn;
 use dem_mpi::math::Vec3;
@@ -345,14 +345,9 @@ fn a_stage_ended_by_stop_is_over() {
 #[test]
 fn a_stop_that_holds_at_the_last_step_ends_the_stage() {
     let directory = fresh_directory("ended_last");
-    let text = "[domain]\nlow = [0, 0, 0]\nhigh = [1, 1, 1]\n[[material]]\nname = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4\n\
-                [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.01\n[[fill.lattice]]\nfirst = [0.5, 0.5, 0.5]\ncount = [1, 1, 1]\n\
-                [[outlet]]\nname = \"below\"\npoint = [0, 0, 0.1]\nnormal = [0, 0, 1]\n[stop]\nremaining = 5\n[time]\nstep = 1e-5\nsteps = 50\n[output]\ndirectory = \"out\"\n";
-    let scene = directory.join("scene.toml");
-    std::fs::write(&scene, text).unwrap();
-    let scene = scene.to_str().unwrap();
+    let scene = written(&directory, OVER_AT_ONCE);
     let run = |more: &[&str]| {
-        dem_mpi(Launch::Alone, [&[scene], more].concat()).from(&directory).succeed()
+        dem_mpi(Launch::Alone, [&[&*scene], more].concat()).from(&directory).succeed()
     };
     run(&["--steps", "20"]).said_once("all steps done: 20 steps");
     run(&["--start", "out"]).said_once("[stop] reached: 30 steps");

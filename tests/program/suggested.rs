@@ -1,13 +1,12 @@
 //! `--suggest` as a user meets it.
 
-use super::fresh_directory;
 use super::process::{Launch, dem_mpi};
+use super::{fresh_directory, written};
+use crate::support::completed;
 use std::fs;
-use std::path::{Path, PathBuf};
 
 /// The heap is at rest soon enough for a short trial: two balls and a floor are enough here.
 const SCENE: &str = r#"
-title = "Two balls on a floor"
 gravity = [0.0, 0.0, -9.81]
 [domain]
 low = [0.0, 0.0, 0.0]
@@ -30,21 +29,13 @@ count = [2, 1, 1]
 step = 1e-6
 steps = 2000
 [output]
-directory = "out"
 snapshot_every = 500
 "#;
-
-fn written(directory: &Path) -> PathBuf {
-    let path = directory.join("scene.toml");
-    fs::write(&path, SCENE).unwrap();
-    path
-}
 
 #[test]
 fn what_it_prints_can_be_put_into_the_scene() {
     let directory = fresh_directory("suggested");
-    let scene = written(&directory);
-    let scene = scene.to_str().unwrap();
+    let scene = &*written(&directory, SCENE);
     let ended =
         dem_mpi(Launch::Alone, [scene, "--suggest", "--error", "1%"]).from(&directory).succeed();
     for text in
@@ -76,8 +67,7 @@ fn what_it_prints_can_be_put_into_the_scene() {
 #[test]
 fn trials_go_on_from_a_snapshot() {
     let directory = fresh_directory("suggested_from");
-    let scene = written(&directory);
-    let scene = scene.to_str().unwrap();
+    let scene = &*written(&directory, SCENE);
     dem_mpi(Launch::Alone, [scene, "--out", "before", "--steps", "1500"])
         .from(&directory)
         .succeed();
@@ -100,9 +90,7 @@ fn trials_go_on_from_a_snapshot() {
 #[test]
 fn a_duration_stays() {
     let directory = fresh_directory("suggested_duration");
-    let scene = directory.join("scene.toml");
-    fs::write(&scene, SCENE.replace("steps = 2000", "duration = 1e-3")).unwrap();
-    let scene = scene.to_str().unwrap();
+    let scene = &*written(&directory, &SCENE.replace("steps = 2000", "duration = 1e-3"));
     let ended = dem_mpi(Launch::Alone, [scene, "--suggest"]).from(&directory).end();
     let lines = || ended.output.lines();
     assert!(lines().any(|line| line.starts_with("step = ")), "{ended}");
@@ -112,12 +100,11 @@ fn a_duration_stays() {
 #[test]
 fn wrong_questions_are_refused_with_one_message() {
     let directory = fresh_directory("suggested_wrongly");
-    let scene = written(&directory);
-    let scene = scene.to_str().unwrap();
+    let scene = &*written(&directory, SCENE);
     let between = "must be more than 0 and less than 1, such as 1% or 0.01";
     let silo = "[[inlet]]\nname = \"tap\"\nlow = [0, 0, 0.006]\nhigh = [0.01, 0.01, 0.008]\nrate = 100\nvelocity = [0, 0, -1]\n[time]";
     let fed = directory.join("fed.toml");
-    fs::write(&fed, SCENE.replace("[time]", silo)).unwrap();
+    fs::write(&fed, completed(&SCENE.replace("[time]", silo))).unwrap();
     let ended = dem_mpi(Launch::Alone, [fed.to_str().unwrap(), "--suggest"]).from(&directory).end();
     assert_eq!(ended.status.code(), Some(2), "{ended}");
     ended.said_once("grains of inlet `tap` appear in other places with every step");

@@ -1,11 +1,12 @@
 //! What a run says of motion that its step does not resolve: warned of, or stopped with what to do.
 
 use super::process::{Launch, dem_mpi};
-use super::{fresh_directory, report};
+use super::{fresh_directory, report, written};
+use crate::support::completed;
 use std::path::Path;
 
 /// Grains of radius 0.01 m from a CSV text, with a wall at the bottom.
-fn written(directory: &Path, material: &str, dt: f64, rows: &str) -> String {
+fn grains(directory: &Path, material: &str, dt: f64, rows: &str) -> String {
     let text = format!(
         r#"
 gravity = [0.0, 0.0, -9.81]
@@ -27,14 +28,10 @@ path = "rows.csv"
 [time]
 step = {dt:e}
 steps = 2000
-[output]
-directory = "out"
 "#
     );
     std::fs::write(directory.join("rows.csv"), rows).unwrap();
-    let scene = directory.join("scene.toml");
-    std::fs::write(&scene, text).unwrap();
-    scene.to_str().unwrap().to_owned()
+    written(directory, &text)
 }
 
 #[test]
@@ -43,7 +40,7 @@ fn a_ball_that_would_jump_over_another_does_not_start() {
         let directory = fresh_directory(&format!("jump_{launch:?}"));
         // 5 radii in a step: over the other at 0.05 m.
         let rows = "x,y,z,vx,vy,vz\n0,0,1,500,0,0\n0.05,0,1,0,0,0\n";
-        let scene = written(&directory, "", 1e-4, rows);
+        let scene = grains(&directory, "", 1e-4, rows);
         let ended = dem_mpi(launch, [&*scene]).from(&directory).end();
         assert_eq!(ended.status.code(), Some(2), "{ended}");
         ended.said_once(
@@ -85,12 +82,8 @@ duration = 0.2
 [stop]
 servo = 0.02
 unbalanced = 0.01
-[output]
-directory = "out"
 "#;
-    let scene = directory.join("scene.toml");
-    std::fs::write(&scene, text).unwrap();
-    let ended = dem_mpi(Launch::Alone, [scene]).from(&directory).succeed();
+    let ended = dem_mpi(Launch::Alone, [written(&directory, text)]).from(&directory).succeed();
     ended.said_once("[stop] reached");
     ended.said_once("[stop] was reached with 2.00 contacts per particle");
 }
@@ -101,14 +94,14 @@ fn overlaps_of_the_start_are_found_by_a_check_and_a_plan() {
     for launch in [Launch::Alone, Launch::Ranks(2)] {
         let directory = fresh_directory(&format!("overlapping_{launch:?}"));
         let rows = "x,y,z,vx,vy,vz\n0,0,1,0,0,0\n0.015,0,1,0,0,0\n";
-        let scene = written(&directory, "", 1e-4, rows);
+        let scene = grains(&directory, "", 1e-4, rows);
         for words in [&["--check"][..], &["--plan"], &[]] {
             let ended = dem_mpi(launch, [&[&*scene], words].concat()).from(&directory).end();
             assert_eq!(ended.status.code(), Some(2), "{ended}");
             ended.said_once("1 pair overlap by more than 5 % of the shortest axis at the start");
         }
         let rows = "x,y,z,vx,vy,vz\n0,0,1,0,0,0\n0.0199,0,1,0,0,0\n";
-        let scene = written(&directory, "", 1e-4, rows);
+        let scene = grains(&directory, "", 1e-4, rows);
         for word in ["--check", "--plan"] {
             dem_mpi(launch, [&*scene, word]).from(&directory).succeed();
         }
@@ -134,7 +127,7 @@ fn speed_that_comes_in_the_run_is_warned_of_and_stops_it() {
     for launch in [Launch::Alone, Launch::Ranks(2)] {
         let directory = fresh_directory(&format!("faster_{launch:?}"));
         let rows = "x,y,z,vx,vy,vz\n-1,0,1.9,0,0,-2\n1,0,1.9,0,0,-1\n";
-        let scene = written(&directory, "", 3e-4, rows);
+        let scene = grains(&directory, "", 3e-4, rows);
         let pull = ["--set", "gravity=[0, 0, -150000]"];
         let words = [&*scene, pull[0], pull[1]];
         let ended = dem_mpi(launch, words).from(&directory).end();
@@ -144,7 +137,7 @@ fn speed_that_comes_in_the_run_is_warned_of_and_stops_it() {
         ended.said_once("particle 0 moves by");
     }
     let directory = fresh_directory("fast");
-    let scene = written(&directory, "", 3e-4, "x,y,z,vx,vy,vz\n0,0,1,4,0,0\n");
+    let scene = grains(&directory, "", 3e-4, "x,y,z,vx,vy,vz\n0,0,1,4,0,0\n");
     let ended = dem_mpi(Launch::Alone, [&*scene, "--steps", "300"]).from(&directory).succeed();
     ended.said_once("the fastest body has moved by 0.1");
     ended.said_once("more than a tenth");
@@ -159,7 +152,7 @@ fn energy_lost_by_the_step_is_warned_of() {
         [("", 0.9, true), ("friction = 0.3", 0.9, true), ("", 0.01, false)]
     {
         let limit = 3.2e-4;
-        let scene = written(&directory, material, part * limit, rows);
+        let scene = grains(&directory, material, part * limit, rows);
         let steps = format!("{}", (8.0 / (part * limit)) as u64);
         let words = [&*scene, "--overwrite", "--steps", &steps];
         let ended = dem_mpi(Launch::Alone, words).from(&directory).succeed();
@@ -184,13 +177,13 @@ fn energy_lost_by_the_step_is_warned_of() {
 fn motion_that_rounding_swallows_is_warned_of() {
     let directory = fresh_directory("far");
     let rows = "x,y,z,vx,vy,vz\n1048576,0,1,3e-7,0,0\n";
-    let scene = written(&directory, "", 1e-4, rows);
+    let scene = grains(&directory, "", 1e-4, rows);
     let far = ["--set", "domain.low=[1048575, -2, 0]", "--set", "domain.high=[1048577, 2, 2]"];
     let words = [&*scene, far[0], far[1], far[2], far[3], "--steps", "10"];
     let ended = dem_mpi(Launch::Ranks(2), words).from(&directory).succeed();
     ended.said_once("a particle of a file at 3e-7 m/s up to 100.00 % is rounded off");
     // Nothing of it near the origin.
-    let scene = written(&directory, "", 1e-4, "x,y,z,vx,vy,vz\n0,0,1,3e-7,0,0\n");
+    let scene = grains(&directory, "", 1e-4, "x,y,z,vx,vy,vz\n0,0,1,3e-7,0,0\n");
     let words = [&*scene, "--steps", "10", "--overwrite"];
     let ended = dem_mpi(Launch::Alone, words).from(&directory).succeed();
     assert!(!ended.errors.contains("rounded off"), "{ended}");
@@ -229,7 +222,6 @@ skin = 1e-3
 step = 1e-5
 steps = 2000
 [output]
-directory = "out"
 history_every = 0
 "#;
     let cube = text.replace(
@@ -237,7 +229,7 @@ history_every = 0
         "kind = \"polyhedron\"\nedges = [0.02, 0.02, 0.02]",
     );
     for (name, text) in [("ball.toml", text), ("cube.toml", &cube)] {
-        std::fs::write(directory.join(name), text).unwrap();
+        std::fs::write(directory.join(name), completed(text)).unwrap();
         for (launch, skin) in
             [(Launch::Alone, 0.05), (Launch::Alone, 1e-3), (Launch::Ranks(2), 0.05)]
         {

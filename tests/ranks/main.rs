@@ -5,9 +5,9 @@
 //! A case is a function that every rank calls with its end of the communication; it fails by a panic,
 //! which ends all ranks. A new case is one function and one line of [`CASES`].
 
-#[path = "../comm_cases.rs"]
+#[path = "../comm/cases.rs"]
 mod comm;
-#[path = "../made_up.rs"]
+#[path = "../support/made_up.rs"]
 mod made_up;
 mod snapshot;
 

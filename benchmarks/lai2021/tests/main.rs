@@ -1,9 +1,9 @@
 //! All tests of the study in one binary.
 
 mod machine;
-#[path = "../../../tests/packings.rs"]
+#[path = "../../../tests/support/packings.rs"]
 mod packings;
-#[path = "../../../tests/random.rs"]
+#[path = "../../../tests/support/random.rs"]
 mod random;
 mod sensitivity;
 mod single_contact;

@@ -2,7 +2,7 @@
 //!
 //! Figures 5, 6, 7 and 8 and table 1, each beside what the paper says of it. The exact answers are those of
 //! the common-normal method, which agrees with 50-digit references to rounding
-//! (`tests/contact_reference.rs`); the erosion is 5 % of each body, 1 % more until they are apart.
+//! (`tests/contact/reference.rs`); the erosion is 5 % of each body, 1 % more until they are apart.
 //!
 //! | file | what it is |
 //! |---|---|

@@ -1,0 +1,11 @@
+//! Pictures, curves and the page of a snapshot: what there is to look at. Numbers come from the files of [`crate::post`].
+
+pub mod draw;
+pub mod page;
+pub mod panels;
+pub mod picture;
+pub mod plots;
+pub mod rose;
+mod side;
+pub mod sizes;
+pub mod views;

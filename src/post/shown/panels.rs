@@ -1,0 +1,444 @@
+//! The plots of a run's history: curves that belong together share a panel, and columns that nobody
+//! here knows get a small one each.
+
+use super::draw::{
+    Axes, BLUE, GREEN, INK, MUTED, Mark, ORANGE, PURPLE, PlotError, SIZE, Series, VERMILION, chart,
+    decades, span, tick,
+};
+use crate::post::history::{Curve, History};
+use super::plots::{Plot, Width};
+use crate::cell::AXES;
+use crate::drive::servo::Target;
+use crate::output::header::WallRow;
+use plotters::style::RGBColor;
+use std::collections::BTreeSet;
+
+/// Colours of curves in a panel, in order.
+const PALETTE: [RGBColor; 6] = [BLUE, ORANGE, VERMILION, GREEN, PURPLE, INK];
+
+/// Points drawn per curve, about.
+const POINTS: usize = 800;
+
+/// What a logarithmic axis leaves out: values below this share of the largest. The energies of a run
+/// span some seven decades; what lies below these is rounding.
+const NOISE: f64 = 1e-10;
+
+/// Larger magnitudes are left out, and smaller ones on logarithmic axes: axes have room around their
+/// values, which must stay finite.
+const LARGEST: f64 = 1e100;
+
+/// How values are drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Scale {
+    Linear,
+    /// Magnitudes; zeros are left out.
+    Logarithmic,
+}
+
+use Scale::{Linear, Logarithmic};
+
+/// A panel and the columns in it, each with its name in the legend.
+struct Panel<'a> {
+    name: &'a str,
+    title: &'a str,
+    caption: &'a str,
+    y_label: &'a str,
+    scale: Scale,
+    columns: &'a [(&'a str, &'a str)],
+}
+
+const PANELS: [Panel; 9] = [
+    Panel {
+        name: "counts",
+        title: "Particles and contacts",
+        caption: "Particles and contacts over the run.",
+        y_label: "count",
+        scale: Linear,
+        columns: &[
+            ("particles", "particles"),
+            ("contacts", "contacts between them"),
+            ("wall_contacts", "with walls"),
+        ],
+    },
+    Panel {
+        name: "coordination",
+        title: "Coordination number",
+        caption: "Mean number of contacts of a particle over the run, walls counted.",
+        y_label: "contacts per particle",
+        scale: Linear,
+        columns: &[("coordination", "")],
+    },
+    Panel {
+        name: "energy",
+        title: "Energies",
+        caption: "Kinetic energy, energy stored in contacts, energy dissipated so far, and what the \
+                  balance of all energies misses.",
+        y_label: "energy (J)",
+        scale: Logarithmic,
+        columns: &[
+            ("kinetic_J", "kinetic"),
+            ("stored_J", "stored"),
+            ("dissipated_J", "dissipated"),
+            ("missing_J", "|missing|"),
+        ],
+    },
+    Panel {
+        name: "losses",
+        title: "Where energy went",
+        caption: "Energy dissipated so far by each of what dissipates. Friction has torsion of faces in it.",
+        y_label: "energy (J)",
+        scale: Logarithmic,
+        columns: &[
+            ("dissipated_by_normal_dashpots_J", "normal dashpots"),
+            ("dissipated_by_tangential_dashpots_J", "tangential dashpots"),
+            ("dissipated_by_friction_J", "friction"),
+            ("dissipated_by_turning_J", "rolling and twisting"),
+            ("dissipated_by_damping_J", "global damping"),
+            ("dissipated_by_adhesion_J", "adhesion"),
+        ],
+    },
+    Panel {
+        name: "largest_overlap",
+        title: "Largest overlap",
+        caption: "Largest overlap of a contact over the shortest axis of its smaller particle.",
+        y_label: "overlap / shortest axis",
+        scale: Logarithmic,
+        columns: &[("largest_overlap", "")],
+    },
+    Panel {
+        name: "mean_normal_force",
+        title: "Mean normal force",
+        caption: "Mean normal force of a contact over the run.",
+        y_label: "force (N)",
+        scale: Linear,
+        columns: &[("mean_normal_force_N", "")],
+    },
+    Panel {
+        name: "largest_speed",
+        title: "Largest speed",
+        caption: "Speed of the fastest particle over the run.",
+        y_label: "speed (m/s)",
+        scale: Logarithmic,
+        columns: &[("largest_speed_m_per_s", "")],
+    },
+    Panel {
+        name: "top",
+        title: "Height of the top",
+        caption: "Height of the highest particle over the run.",
+        y_label: "z (m)",
+        scale: Linear,
+        columns: &[("top_m", "")],
+    },
+    Panel {
+        name: "unbalanced",
+        title: "Unbalanced force",
+        caption: "Mean resultant force of a particle over the mean contact force: how far from rest.",
+        y_label: "resultant / contact force",
+        scale: Logarithmic,
+        columns: &[("unbalanced", "")],
+    },
+];
+
+/// Of walls that stand across an axis.
+const WAYS: Panel = Panel {
+    name: "wall_ways",
+    title: "Ways of walls",
+    caption: "How far each wall has come inwards since the first row, negative where it has gone outwards.",
+    y_label: "way (m)",
+    scale: Linear,
+    columns: &[],
+};
+
+/// Of a sheared cell: what its columns begin with.
+const OF_THE_CELL: [(&str, Panel); 2] = [
+    (
+        "contact",
+        Panel {
+            name: "contact_stress",
+            title: "Stress of contacts",
+            caption: "Components of the stress of contacts in the whole cell, compression positive.",
+            y_label: "stress (Pa)",
+            scale: Linear,
+            columns: &[],
+        },
+    ),
+    (
+        "kinetic",
+        Panel {
+            name: "kinetic_stress",
+            title: "Stress of motion",
+            caption: "Components of the stress of velocity fluctuations in the whole cell, compression positive.",
+            y_label: "stress (Pa)",
+            scale: Linear,
+            columns: &[],
+        },
+    ),
+];
+
+/// Columns that no panel shows: parts of the kinetic energy, a part of the balance that comes and goes, and energies whose
+/// zero is a convention.
+const LEFT_OUT: [&str; 5] =
+    ["translation_J", "rotation_J", "step_energy_J", "gravity_J", "received_J"];
+
+/// The panels of a history, without those in which nothing ever changes. `walls` say which way a load
+/// on a wall points, `targets` which stress walls shall keep.
+///
+/// # Errors
+/// See [`PlotError`].
+pub fn panels(
+    history: &History,
+    walls: &[WallRow],
+    targets: &[Target],
+) -> Result<Vec<Plot>, PlotError> {
+    let mut rest: Vec<&Curve> = history.curves.iter().collect();
+    let mut plots = Vec::new();
+    for panel in &PANELS {
+        let curves = panel.columns.iter().filter_map(|&(column, name)| {
+            let curve = take(&mut rest, column)?;
+            Some(Curve { name: name.into(), points: curve.points.clone() })
+        });
+        plots.extend(draw(panel, &curves.collect::<Vec<_>>(), &[])?);
+    }
+    rest.retain(|curve| !LEFT_OUT.contains(&curve.name.as_str()));
+
+    let loads: Vec<Curve> = walls.iter().filter_map(|wall| wall_load(wall, &mut rest)).collect();
+    // Walls beyond the colours there are go on in a further panel.
+    for loads in loads.chunks(PALETTE.len()) {
+        let panel = Panel {
+            name: "wall_loads",
+            title: "Loads on walls",
+            caption: "Force of the particles on each wall along its normal, pressure positive.",
+            y_label: "load (N)",
+            scale: Linear,
+            columns: &[],
+        };
+        plots.extend(draw(&panel, loads, &[])?);
+    }
+    let stress = |wall: &WallRow| {
+        let curve = take(&mut rest, &format!("stress_{}_Pa", wall.name))?;
+        Some(Curve { name: wall.name.clone(), points: curve.points.clone() })
+    };
+    let stresses: Vec<Curve> = walls.iter().filter_map(stress).collect();
+    for stresses in stresses.chunks(PALETTE.len()) {
+        plots.extend(wall_stresses(stresses, targets)?);
+    }
+    let ways: Vec<Curve> = walls.iter().filter_map(|wall| wall_way(wall, &mut rest)).collect();
+    for ways in ways.chunks(PALETTE.len()) {
+        plots.extend(draw(&WAYS, ways, &[])?);
+    }
+    for (kind, panel) in &OF_THE_CELL {
+        let components = ["xx", "yy", "zz", "xy", "xz", "yz"];
+        let stress = |component: &str| {
+            let curve = take(&mut rest, &format!("{kind}_stress_{component}_Pa"))?;
+            Some(Curve { name: component.into(), points: curve.points.clone() })
+        };
+        let curves: Vec<Curve> = components.into_iter().filter_map(stress).collect();
+        plots.extend(draw(panel, &curves, &[])?);
+    }
+    for curve in rest {
+        plots.extend(unknown(curve)?);
+    }
+    tell_apart(&mut plots);
+    Ok(plots)
+}
+
+/// Takes the curve of this name out of those that are left.
+fn take<'a>(rest: &mut Vec<&'a Curve>, name: &str) -> Option<&'a Curve> {
+    let place = rest.iter().position(|curve| curve.name == name)?;
+    Some(rest.remove(place))
+}
+
+/// The load on a wall [N], if all components of its force are left: against its normal, which points
+/// towards the particles. Walls that turn, and those of triangles or several planes, have none.
+fn wall_load(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
+    let turned = format!("turned_{}_x_rad", wall.name);
+    let turns = rest.iter().any(|curve| curve.name == turned);
+    if !wall.is_one_plane() || turns {
+        return None;
+    }
+    let column = |axis| format!("force_{}_{axis}_N", wall.name);
+    let columns = AXES.map(column);
+    if !columns.iter().all(|name| rest.iter().any(|curve| curve.name == *name)) {
+        return None;
+    }
+    let mut points: Vec<(f64, f64)> = Vec::new();
+    for (k, name) in columns.iter().enumerate() {
+        let component = &take(rest, name)?.points;
+        points.resize(component.len(), (0.0, 0.0));
+        for (sum, &(time, force)) in points.iter_mut().zip(component) {
+            *sum = (time, sum.1 - force * wall.normal[k]);
+        }
+    }
+    Some(Curve { name: wall.name.clone(), points })
+}
+
+/// How far a wall across an axis has come inwards [m].
+fn wall_way(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
+    let curve = take(rest, &format!("place_{}_m", wall.name))?;
+    let (_, first) = *curve.points.first()?;
+    let inwards = wall.normal[wall.normal.iamax()].signum();
+    let points = curve.points.iter().map(|&(time, place)| (time, inwards * (place - first)));
+    Some(Curve { name: wall.name.clone(), points: points.collect() })
+}
+
+/// The stresses on walls, and the targets of those that have one.
+fn wall_stresses(stresses: &[Curve], targets: &[Target]) -> Result<Option<Plot>, PlotError> {
+    let is_here = |target: &&Target| stresses.iter().any(|curve| curve.name == target.wall);
+    let mut targets: Vec<f64> =
+        targets.iter().filter(is_here).map(|target| target.stress).collect();
+    targets.sort_by(f64::total_cmp);
+    targets.dedup();
+    let means = if targets.is_empty() {
+        ""
+    } else {
+        " Of walls with a servo each point is the mean since the one before; grey lines are their targets."
+    };
+    let caption = format!("Stress of the particles on each wall, compression positive.{means}");
+    let panel = Panel {
+        name: "wall_stresses",
+        title: "Stresses on walls",
+        caption: &caption,
+        y_label: "stress (Pa)",
+        scale: Linear,
+        columns: &[],
+    };
+    draw(&panel, stresses, &targets)
+}
+
+/// A panel with these curves, and level lines at `targets`; `None` if no curve ever changes or nothing can be drawn.
+fn draw(panel: &Panel, curves: &[Curve], targets: &[f64]) -> Result<Option<Plot>, PlotError> {
+    if !curves.iter().any(Curve::changes) {
+        return Ok(None);
+    }
+    let log_y = panel.scale == Logarithmic;
+    let magnitudes = curves.iter().flat_map(|c| &c.points).map(|p| p.1.abs());
+    let largest = magnitudes.filter(|&size| size <= LARGEST).fold(0.0, f64::max);
+    let smallest = (NOISE * largest).max(LARGEST.recip());
+    let drawn = |&(time, value): &(f64, f64)| {
+        let value = if log_y { value.abs() } else { value };
+        let fits = time.abs() <= LARGEST && value.abs() <= LARGEST && (!log_y || value >= smallest);
+        fits.then_some((time, value))
+    };
+    let mut series: Vec<Series> = curves
+        .iter()
+        .zip(PALETTE)
+        .map(|(curve, colour)| {
+            let points = curve.points.iter().filter_map(drawn).collect();
+            let visible = Curve { name: curve.name.clone(), points };
+            let points = visible.thinned(POINTS);
+            Series { name: visible.name, colour, mark: Mark::Line, points }
+        })
+        .filter(|series| !series.points.is_empty())
+        .collect();
+    if series.is_empty() {
+        return Ok(None);
+    }
+    // All panels have the same times below them, whatever they leave out.
+    let times = curves.iter().flat_map(|c| &c.points).map(|p| p.0).filter(|t| t.abs() <= LARGEST);
+    let (first, last) = times
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), t| (t.min(first), t.max(last)));
+    // Below the curves, which may hide them where a servo keeps its target.
+    let levels = targets.iter().filter(|level| level.abs() <= LARGEST).map(|&level| Series {
+        name: format!("target {} Pa", tick(level)),
+        colour: MUTED,
+        mark: Mark::Line,
+        points: vec![(first, level), (last, level)],
+    });
+    series.splice(0..0, levels);
+    let values = || series.iter().flat_map(|s| &s.points).map(|p| p.1);
+    let axes = Axes {
+        x_label: "time (s)".into(),
+        y_label: panel.y_label.into(),
+        x: span([first, last].into_iter()),
+        y: if log_y { decades(values()) } else { span(values()) },
+        log_x: false,
+        log_y,
+    };
+    Ok(Some(Plot {
+        name: format!("history_{}", panel.name),
+        title: panel.title.into(),
+        caption: panel.caption.into(),
+        width: Width::Half,
+        svg: chart(SIZE, &axes, &series)?,
+    }))
+}
+
+/// A column that no panel knows; logarithmic if it is positive over four decades or more.
+fn unknown(curve: &Curve) -> Result<Option<Plot>, PlotError> {
+    let (low, high) = (curve.points.iter())
+        .fold((f64::INFINITY, 0.0_f64), |(low, high), p| (low.min(p.1), high.max(p.1)));
+    let wide = low > 0.0 && high >= 1e4 * low;
+    let (words, unit) = words_and_unit(&curve.name);
+    let title = sentence(&words);
+    let panel = Panel {
+        name: &file_name(&curve.name),
+        title: &title,
+        caption: &format!("{title} over the run, from history.csv."),
+        y_label: &unit.map_or(words.clone(), |unit| format!("{words} ({unit})")),
+        scale: if wide { Logarithmic } else { Linear },
+        columns: &[],
+    };
+    draw(&panel, &[Curve { name: String::new(), points: curve.points.clone() }], &[])
+}
+
+/// A column's name as words and its unit: `kinetic_energy_j` is "kinetic energy" in "J".
+fn words_and_unit(name: &str) -> (String, Option<&'static str>) {
+    const UNITS: [(&str, &str); 15] = [
+        ("_m_per_s", "m/s"),
+        ("_kg_m_per_s", "kg m/s"),
+        ("_rad_per_s", "rad/s"),
+        ("_per_s", "1/s"),
+        ("_rad", "rad"),
+        ("_n_m", "N m"),
+        ("_w", "W"),
+        ("_m2", "m²"),
+        ("_m3", "m³"),
+        ("_pa", "Pa"),
+        ("_kg", "kg"),
+        ("_j", "J"),
+        ("_n", "N"),
+        ("_m", "m"),
+        ("_s", "s"),
+    ];
+    let name = name.to_lowercase();
+    let of = UNITS.iter().filter_map(|(end, unit)| Some((name.strip_suffix(end)?, *unit)));
+    // The longest ending that fits leaves the shortest name.
+    match of.min_by_key(|(stem, _)| stem.len()) {
+        Some((stem, unit)) => (stem.replace('_', " "), Some(unit)),
+        None => (name.replace('_', " "), None),
+    }
+}
+
+/// Words with a capital first letter.
+fn sentence(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// A name that every file system takes: `force_-x_x_N` becomes `force_minus_x_x_n`.
+fn file_name(column: &str) -> String {
+    let mut name = String::new();
+    for letter in column.chars() {
+        let begins = name.is_empty() || name.ends_with('_');
+        match letter {
+            '-' if begins => name.push_str("minus_"),
+            '+' if begins => name.push_str("plus_"),
+            c if c.is_ascii_alphanumeric() => name.push(c.to_ascii_lowercase()),
+            _ => name.push('_'),
+        }
+    }
+    name
+}
+
+/// Numbers plots of one name: the second is `name_2`.
+fn tell_apart(plots: &mut [Plot]) {
+    let mut taken = BTreeSet::new();
+    for plot in plots {
+        let name = plot.name.clone();
+        let mut number = 1;
+        while !taken.insert(plot.name.clone()) {
+            number += 1;
+            plot.name = format!("{name}_{number}");
+        }
+    }
+}

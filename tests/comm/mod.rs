@@ -1,0 +1,4 @@
+//! Communication without MPI: alone and as threads.
+
+mod cases;
+mod threads;

@@ -1,0 +1,10 @@
+//! From two shapes to overlap, normal and point.
+
+mod cells;
+mod contract;
+mod curvature;
+pub(crate) mod overlap;
+mod pairs;
+mod reference;
+mod robustness;
+pub(crate) mod sides;

@@ -1,0 +1,4 @@
+//! The same bits on any number of ranks, and cells that are sheared.
+
+mod ranks_threads;
+mod shear;

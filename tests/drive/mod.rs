@@ -1,0 +1,7 @@
+//! What acts from outside: servos, rain, inlets and outlets.
+
+mod drives;
+mod flows;
+mod rain;
+mod servo;
+mod servo_of_force;

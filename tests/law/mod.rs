@@ -1,0 +1,15 @@
+//! From overlap to force: closed forms, energies, impacts.
+
+mod adhesion;
+mod elliptic;
+mod hertz;
+mod hertz_faces;
+mod jkr;
+mod law_lanes;
+mod laws;
+mod other_codes;
+mod registers;
+mod rolling;
+mod sliding_faces;
+mod touch_and_end;
+mod turning;

@@ -1,0 +1,5 @@
+//! Files that are written and read again.
+
+mod files;
+mod hostile;
+mod snapshot;

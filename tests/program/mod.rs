@@ -1,0 +1,159 @@
+//! The programs as a user meets them: started with and without mpirun, stopped, killed, misled.
+
+mod analysed;
+mod folders;
+mod full_disk;
+mod killed;
+mod linked;
+mod memory;
+mod misled;
+mod opened;
+mod other_machines;
+mod process;
+mod queued;
+mod ready;
+mod reported;
+mod restarted;
+mod same_bits;
+mod signalled;
+mod suggested;
+mod told;
+mod traced;
+mod watched;
+
+use crate::support::completed;
+use dem_mpi::output::snapshot::Reader;
+use dem_mpi::output::tables::{ContactTable, ParticleTable};
+use process::{Ended, Launch, dem_mpi, dem_post};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A scene of these tests, by name.
+fn scene(name: &str) -> String {
+    format!("{}/tests/program/{name}.toml", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// One ball of which the end is asked for at once.
+const OVER_AT_ONCE: &str = r#"
+[domain]
+low = [0, 0, 0]
+high = [1, 1, 1]
+[[fill.lattice]]
+first = [0.5, 0.5, 0.5]
+count = [1, 1, 1]
+[[outlet]]
+name = "below"
+point = [0, 0, 0.1]
+normal = [0, 0, 1]
+[stop]
+remaining = 5
+[time]
+step = 1e-5
+steps = 50
+"#;
+
+/// The file of a scene in a folder; what its text leaves out is completed.
+fn written(folder: &Path, text: &str) -> String {
+    let path = folder.join("scene.toml");
+    fs::write(&path, completed(text)).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// The last step of the heap, and its snapshots before.
+const HEAP_STEPS: u64 = 3000;
+const HEAP_SNAPSHOTS: [u64; 3] = [0, 1000, 2000];
+
+/// An empty directory. It stays after the test, to look into if that failed.
+fn fresh_directory(name: &str) -> PathBuf {
+    let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("program").join(name);
+    if directory.exists() {
+        fs::remove_dir_all(&directory).expect("what an earlier run left can be removed");
+    }
+    fs::create_dir_all(&directory).expect("a directory can be made");
+    directory
+}
+
+fn snapshot(directory: &Path, step: u64) -> PathBuf {
+    directory.join(dem_mpi::output::snapshot::particles_name(step))
+}
+
+/// A run that nobody disturbed.
+struct Finished {
+    directory: PathBuf,
+    ended: Ended,
+}
+
+/// The whole heap, run once in all tests for each way to start it.
+fn heap(launch: Launch) -> Arc<Finished> {
+    static RUNS: Mutex<BTreeMap<Launch, Arc<Finished>>> = Mutex::new(BTreeMap::new());
+    let mut runs = RUNS.lock().unwrap_or_else(PoisonError::into_inner);
+    let run = || Arc::new(finished("heap", launch));
+    Arc::clone(runs.entry(launch).or_insert_with(run))
+}
+
+/// The whole heap; when a run was stopped too late to join its end, a heap of so many more steps.
+fn heap_beyond(step: u64) -> (u64, Arc<Finished>) {
+    if step < HEAP_STEPS {
+        return (HEAP_STEPS, heap(Launch::Alone));
+    }
+    let steps = step + 100;
+    let directory = fresh_directory(&format!("heap_{steps}"));
+    let (scene, out) = (scene("heap"), directory.to_str().unwrap());
+    let to_the_end = format!("time.steps={steps}");
+    let ended = dem_mpi(Launch::Alone, [&*scene, "--out", out, "--set", &to_the_end]).succeed();
+    (steps, Arc::new(Finished { directory, ended }))
+}
+
+/// A scene from its beginning to its end.
+fn finished(name: &str, launch: Launch) -> Finished {
+    let directory = fresh_directory(&format!("{name}_{launch:?}"));
+    let arguments = [scene(name).into(), "--out".into(), directory.clone().into_os_string()];
+    let ended = dem_mpi(launch, arguments).succeed();
+    Finished { directory, ended }
+}
+
+/// The newest snapshots of two directories are the same bit for bit, and the tables byte for byte.
+fn assert_same_result(directory: &Path, other: &Path) {
+    dem_post(["--diff".as_ref(), directory.as_os_str(), other.as_os_str()])
+        .succeed()
+        .said_once("equal bit for bit");
+    assert!(tables(directory) == tables(other), "rows stand in other places");
+    let [table, of_other] = [directory, other].map(history);
+    if table != of_other {
+        let differ = table.lines().zip(of_other.lines()).find(|(a, b)| a != b);
+        let (rows, of_other) = (table.lines().count(), of_other.lines().count());
+        panic!("history.csv: {rows} and {of_other} lines, first difference {differ:#?}");
+    }
+}
+
+/// Particles and contacts of the newest snapshot, row by row as they stand in its files, without the numbers of ranks.
+fn tables(directory: &Path) -> (ParticleTable, ContactTable) {
+    let reader = Reader::open(directory).unwrap();
+    let particles = reader.particles(0..reader.particle_count()).unwrap();
+    let contacts = reader.contacts(0..reader.contact_count().unwrap()).unwrap();
+    (ParticleTable { rank: Vec::new(), ..particles }, contacts)
+}
+
+/// The text of a run's table.
+fn history(directory: &Path) -> String {
+    let path = directory.join("history.csv");
+    fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// What a run has reported.
+fn report(directory: &Path) -> serde_json::Value {
+    let path = directory.join("report.json");
+    let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// A column of a run's table, by step.
+fn column(directory: &Path, name: &str) -> BTreeMap<u64, f64> {
+    let text = history(directory);
+    let mut rows = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let names = rows.next().expect("a header");
+    let index = names.iter().position(|&n| n == name).unwrap_or_else(|| panic!("no {name}"));
+    rows.map(|row| (row[0].parse().unwrap(), row[index].parse().unwrap())).collect()
+}

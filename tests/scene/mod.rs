@@ -1,0 +1,8 @@
+//! The user's file, read, checked and made a simulation.
+
+mod mutated;
+mod read;
+mod ready;
+mod scenes;
+mod schema;
+mod suggest;

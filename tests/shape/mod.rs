@@ -1,0 +1,6 @@
+//! Shapes, their sizes and packings of them.
+
+mod kinds;
+mod sizes;
+mod solids;
+mod superellipsoids;

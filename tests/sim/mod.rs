@@ -1,0 +1,10 @@
+//! The step and the run: motion, energies, stages, published cases.
+
+mod audit;
+mod books;
+mod motion;
+mod stages;
+pub(crate) mod symmetries;
+mod time_steps;
+mod units;
+pub(crate) mod verification;

@@ -1,0 +1,536 @@
+//! What tests share: a simulation from a scene's text on one rank, and shapes in another unit.
+
+pub(crate) mod made_up;
+pub(crate) mod packings;
+pub(crate) mod random;
+
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::comm::{Comm, threads};
+use dem_mpi::contact::{ContactRecords, StateColumn};
+use dem_mpi::drive::SavedState;
+use dem_mpi::ids::{GlobalId, ShapeId};
+use dem_mpi::math::{Mat3, Quat, Vec3};
+use dem_mpi::output::header::Header;
+use dem_mpi::output::snapshot;
+use dem_mpi::output::tables::ParticleTable;
+use dem_mpi::particles::columns::Quantity;
+use dem_mpi::particles::records::Particle;
+use dem_mpi::random::Random;
+use dem_mpi::scene::Scene;
+use dem_mpi::scene::assemble::{self, Continuation};
+use dem_mpi::shape::{
+    Ellipsoid, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
+    Superellipsoid,
+};
+use dem_mpi::sim::run::Schedule;
+use dem_mpi::sim::{Simulation, StepError};
+use random::Draw;
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Grains with friction and dashpots.
+pub(crate) const MATERIAL: &str = r#"[[material]]
+name = "grain"
+density = 265000.0
+normal_stiffness = 1.5e5
+friction = 0.3
+restitution = 0.5
+tangential_damping_ratio = 0.05"#;
+
+/// The tables that every scene needs, where a text leaves them out.
+const BASE: [(&str, &str); 5] = [
+    ("[domain]", "low = [-1, -1, 0]\nhigh = [1, 1, 1]\nwalls = [\"-z\"]"),
+    ("[[material]]", "name = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4"),
+    ("[[shape]]", "name = \"ball\"\nkind = \"sphere\"\nradius = 0.01"),
+    ("[time]", "step = 1e-5"),
+    ("[output]", ""),
+];
+
+/// A scene's text with what it leaves out: a floor, a glass ball at the origin, a step of 1e-5 s and only one of it, a folder.
+pub(crate) fn completed(text: &str) -> String {
+    let mut text = text.to_owned();
+    for (table, keys) in BASE {
+        if !text.contains(table) {
+            write!(text, "\n{table}\n{keys}\n").unwrap();
+        }
+    }
+    if !["fill.", "[[inlet]]", "start ="].iter().any(|source| text.contains(source)) {
+        let (_, shape) =
+            text.split_once("[[shape]]\nname = ").expect("a shape begins with its name");
+        let name = shape.lines().next().unwrap().to_owned();
+        let origin = "first = [0, 0, 0]\ncount = [1, 1, 1]";
+        write!(text, "\n[[fill.lattice]]\nshapes = [{name}]\n{origin}\n").unwrap();
+    }
+    if !["steps =", "duration ="].iter().any(|end| text.contains(end)) {
+        text = text.replacen("[time]\n", "[time]\nsteps = 1\n", 1);
+    }
+    if !text.contains("directory =") {
+        text = text.replacen("[output]\n", "[output]\ndirectory = \"out\"\n", 1);
+    }
+    text
+}
+
+/// The scene that a text means, completed.
+pub(crate) fn scene(text: &str) -> Scene {
+    Scene::parse(&completed(text), "test", Path::new(""), &[])
+        .unwrap_or_else(|errors| panic!("{errors}"))
+}
+
+/// A scene is refused once a part of its text is another, and `said` stands in the message.
+pub(crate) fn expect_refused(good: &str, from: &str, to: &str, said: &str) {
+    assert!(good.contains(from), "{from}");
+    let text = completed(&good.replacen(from, to, 1));
+    let Err(mistakes) = Scene::parse(&text, "test", Path::new(""), &[]) else {
+        panic!("accepted: {to}");
+    };
+    let mistakes = mistakes.to_string();
+    assert!(mistakes.contains(said), "{to}: {mistakes}");
+}
+
+/// A number is what is expected, up to a part of it.
+pub(crate) fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
+    let off = (found / expected - 1.0).abs();
+    println!("{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
+    assert!(off <= tolerance, "{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
+}
+
+/// The text of a file in `tests/reference`.
+pub(crate) fn reference(name: &str) -> String {
+    let path = format!("{}/tests/reference/{name}", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"))
+}
+
+/// A file in `tests/reference` that is JSON.
+pub(crate) fn json(name: &str) -> Value {
+    serde_json::from_str(&reference(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+/// A number of a JSON text.
+pub(crate) fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
+}
+
+/// A body of the first shape that moves and does not turn.
+pub(crate) fn at(id: u64, position: Vec3, velocity: Vec3) -> Particle {
+    ball(id, 0, position, velocity)
+}
+
+/// A body of a shape that moves and does not turn.
+pub(crate) fn ball(id: u64, shape: u16, position: Vec3, velocity: Vec3) -> Particle {
+    Particle { velocity, ..Particle::at_rest(GlobalId(id), ShapeId(shape), position) }
+}
+
+/// The scene's simulation on the ranks of `comm`, with all particles, pairs listed and forces known.
+pub(crate) fn begun(scene: &Scene, comm: &mut dyn Comm) -> Simulation {
+    let mut sim = assemble::assemble(scene, comm);
+    assemble::fill(&mut sim, scene, comm);
+    sim.begin(comm).expect("the scene begins well");
+    sim
+}
+
+pub(crate) fn schedule(scene: &Scene, last_step: u64, out: &Path) -> Schedule {
+    Schedule {
+        last_step,
+        ends_stage: true,
+        snapshot_every: 0,
+        history_every: scene.history_every,
+        stop: scene.stop.clone(),
+        out: out.to_owned(),
+        scene: scene.text.clone(),
+        resumed: false,
+        signal: Arc::default(),
+        traced: Vec::new(),
+        duration: scene.duration,
+        over: scene.over_the_limit(),
+    }
+}
+
+/// Writes a snapshot of this moment. Collective.
+pub(crate) fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) {
+    save_with(sim, directory, scene, |_| (), comm);
+}
+
+/// Writes a snapshot with another header. Collective.
+pub(crate) fn save_with(
+    sim: &Simulation,
+    directory: &Path,
+    scene: &Scene,
+    change: impl Fn(&mut Header),
+    comm: &mut dyn Comm,
+) {
+    let forces = sim.measure(comm).wall_forces;
+    let mut header = sim.header(&scene.text, &forces, comm);
+    change(&mut header);
+    let particles = sim.particle_table(comm.rank());
+    let (contacts, records) = (sim.contact_table(), sim.contact_records());
+    snapshot::write(directory, &header, &particles, &contacts, &records, comm).unwrap();
+}
+
+/// The bits of what moves each particle, under its id.
+pub(crate) fn motion(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u64>)> + '_ {
+    (0..table.id.len()).map(move |k| {
+        let columns = [
+            &table.position,
+            &table.velocity,
+            &table.force,
+            &table.angular_momentum,
+            &table.angular_velocity,
+            &table.torque,
+        ];
+        // Spheres may have no orientation, and without friction no spin.
+        let vectors = columns.iter().filter_map(|column| column.get(k)).flatten().copied();
+        let turn = table.quaternion.get(k).into_iter().flatten().copied();
+        let row: Vec<f64> = vectors.chain(turn).collect();
+        let id = table.id[k].0;
+        assert!(row.iter().all(|x| x.is_finite()), "particle {id}");
+        (id, row.into_iter().map(f64::to_bits).collect())
+    })
+}
+
+/// The bits of all that is known of each particle, under its id.
+pub(crate) fn all_bits(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u64>)> + '_ {
+    motion(table).enumerate().map(|(k, (id, mut row))| {
+        let accumulated = table.accumulated.row(k);
+        row.extend(Quantity::ALL.map(|quantity| accumulated[quantity].to_bits()));
+        row.extend([table.scale_of(k).to_bits(), table.coordination[k] as u64]);
+        row.push(table.standing[k].0);
+        row.extend(table.image.get(k).into_iter().flatten().map(|&n| n as u64));
+        (id, row)
+    })
+}
+
+/// The bits of what is remembered of each contact, its overlap last, under the ids of both.
+fn remembered(records: &ContactRecords) -> impl Iterator<Item = (u64, u64, Vec<u64>)> + '_ {
+    records.iter().map(|named| {
+        let normal = named.geometry.normal.iter();
+        let numbers = normal.chain(named.state).chain([&named.geometry.overlap]);
+        (named.a.0, named.b.0, numbers.map(|x| x.to_bits()).collect())
+    })
+}
+
+/// What servos have saved.
+pub(crate) fn of_servos(drives: &[SavedState]) -> &SavedState {
+    drives.iter().find(|saved| saved.drive == "servos").expect("there are servos")
+}
+
+/// Everything of which the future of a simulation is made, of all its ranks.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct State {
+    /// Of each particle, under its id.
+    pub(crate) bits: Vec<(u64, Vec<u64>)>,
+    /// Of each contact, its overlap last, under the ids of both.
+    pub(crate) records: Vec<(u64, u64, Vec<u64>)>,
+    /// Energies [J], places of walls, forces on them, and what drives count.
+    scalars: Vec<(String, u64)>,
+    pub(crate) drives: Vec<SavedState>,
+}
+
+impl State {
+    /// What one rank knows of it. Collective.
+    pub(crate) fn of(sim: &Simulation, comm: &mut dyn Comm) -> Self {
+        let m = sim.measure(comm);
+        let mut scalars: Vec<(String, f64)> = [
+            ("kinetic", m.kinetic()),
+            ("gravity", m.gravity),
+            ("stored", m.stored),
+            ("dissipated", m.dissipated),
+            ("received", m.received),
+            ("missing", m.missing()),
+            ("mean_normal_force", m.mean_normal_force),
+            ("largest_overlap", m.largest_overlap),
+            ("largest_speed", m.largest_speed),
+            ("unbalanced", m.unbalanced),
+            ("top", m.top),
+            ("contacts", m.contacts as f64),
+            ("wall_contacts", m.wall_contacts as f64),
+        ]
+        .map(|(name, number)| (name.to_owned(), number))
+        .into();
+        scalars.extend(m.channels.map(|x| ("channel".to_owned(), x)));
+        for wall in &sim.particles.walls {
+            scalars
+                .extend(wall.velocity.iter().map(|&x| (format!("velocity of {}", wall.name), x)));
+            let place = wall.point.iter().chain(wall.orientation.coords.iter());
+            scalars.extend(place.map(|&x| (format!("place of {}", wall.name), x)));
+        }
+        let forces = m.wall_forces.iter().flat_map(|force| force.iter());
+        scalars.extend(forces.map(|&x| ("force".to_owned(), x)));
+        scalars.extend(sim.all_observers().flat_map(|observer| observer.counted()));
+        Self {
+            bits: all_bits(&sim.particle_table(comm.rank())).collect(),
+            records: remembered(&sim.contact_records()).collect(),
+            scalars: scalars.into_iter().map(|(name, x)| (name, x.to_bits())).collect(),
+            drives: sim.header("", &m.wall_forces, comm).drives,
+        }
+    }
+
+    /// Of what all ranks know.
+    pub(crate) fn joined(ranks: Vec<Self>) -> Self {
+        let mut ranks = ranks.into_iter();
+        let mut all = ranks.next().expect("a rank");
+        for other in ranks {
+            assert_eq!((&other.scalars, &other.drives), (&all.scalars, &all.drives));
+            all.bits.extend(other.bits);
+            all.records.extend(other.records);
+        }
+        all.bits.sort();
+        all.records.sort();
+        all
+    }
+
+    /// Tells where another state differs.
+    pub(crate) fn expect(&self, other: &Self, what: &str) {
+        assert_eq!(self.bits.len(), other.bits.len(), "{what}: number of particles");
+        let rows = self.bits.iter().zip(&other.bits);
+        let differing: Vec<u64> = rows.filter(|(a, b)| a != b).map(|(a, _)| a.0).collect();
+        assert!(differing.is_empty(), "{what}: particles {differing:?} differ");
+        assert_eq!(self.records.len(), other.records.len(), "{what}: number of contacts");
+        assert!(self.records == other.records, "{what}: a contact's geometry differs");
+        assert_eq!(self.scalars, other.scalars, "{what}: energies and walls");
+        assert_eq!(self.drives, other.drives, "{what}: drives");
+    }
+
+    /// What all walls have given to the grains [J].
+    pub(crate) fn work_of_walls(&self) -> f64 {
+        let ledger = self.drives.iter().find(|saved| saved.drive == "ledger").expect("walls work");
+        ledger.reals(&StateColumn::new("work", 1, "J")).unwrap().iter().sum()
+    }
+
+    /// One of the scalars.
+    pub(crate) fn number(&self, name: &str) -> f64 {
+        *self.numbers(name).first().unwrap_or_else(|| panic!("no {name}"))
+    }
+
+    /// Those with this name: the place of a wall is three coordinates and a quaternion (x, y, z, w).
+    pub(crate) fn numbers(&self, name: &str) -> Vec<f64> {
+        let found = self.scalars.iter().filter(|(of, _)| of == name);
+        found.map(|(_, bits)| f64::from_bits(*bits)).collect()
+    }
+}
+
+/// A scene on ranks that are threads.
+pub(crate) struct OnRanks<'a> {
+    pub(crate) scene: &'a Scene,
+    /// Without particles yet.
+    pub(crate) assembled: fn(&Scene, &mut dyn Comm) -> Simulation,
+}
+
+impl<'a> OnRanks<'a> {
+    pub(crate) fn of(scene: &'a Scene) -> Self {
+        Self { scene, assembled: |scene, comm| assemble::assemble(scene, comm) }
+    }
+
+    /// After so many steps from the start.
+    pub(crate) fn run(&self, ranks: u32, steps: u64) -> State {
+        self.run_and_look(ranks, steps, |_| ()).0
+    }
+
+    /// The same, and what is seen then on each rank.
+    pub(crate) fn run_and_look<T: Send>(
+        &self,
+        ranks: u32,
+        steps: u64,
+        look: impl Fn(&Simulation) -> T + Sync,
+    ) -> (State, Vec<T>) {
+        let parts = threads::run(ranks, |comm| {
+            let sim = self.began(steps, comm);
+            (State::of(&sim, comm), look(&sim))
+        });
+        let (states, seen) = parts.into_iter().unzip();
+        (State::joined(states), seen)
+    }
+
+    /// The same, saved after some steps and taken up on another number of ranks.
+    pub(crate) fn restarted(
+        &self,
+        [before, after]: [u32; 2],
+        [saved, steps]: [u64; 2],
+        folder: &Path,
+    ) -> State {
+        threads::run(before, |comm| {
+            save(&self.began(saved, comm), folder, self.scene, comm);
+        });
+        assert_eq!(snapshot::Reader::open(folder).unwrap().header().step, saved);
+        State::joined(threads::run(after, |comm| {
+            let mut sim = (self.assembled)(self.scene, comm);
+            assemble::take_up(&mut sim, self.scene, folder, Continuation::SameStage, comm)
+                .expect("it goes on");
+            to_step(&mut sim, steps, comm);
+            State::of(&sim, comm)
+        }))
+    }
+
+    /// On one rank, if it is the same on other numbers of them, and over restarts half-way, each from a number of ranks to another.
+    pub(crate) fn the_same_on(&self, steps: u64, others: &[u32], restarts: &[[u32; 2]]) -> State {
+        let alone = self.run(1, steps);
+        for &ranks in others {
+            alone.expect(&self.run(ranks, steps), &format!("{ranks} ranks"));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        self.leaves_no_trace(&alone, steps, restarts, folder.path());
+        alone
+    }
+
+    /// It is the same over restarts half-way, each from a number of ranks to another; snapshots go to the folder.
+    pub(crate) fn leaves_no_trace(
+        &self,
+        alone: &State,
+        steps: u64,
+        restarts: &[[u32; 2]],
+        folder: &Path,
+    ) {
+        for &[before, after] in restarts {
+            let again = self.restarted([before, after], [steps / 2, steps], folder);
+            alone.expect(&again, &format!("{before} ranks, then {after}"));
+        }
+    }
+
+    /// On one rank, if it is the same on 2, 3, 4 and 8, and across restarts from 3 to 2, from the start and from half-way, whose snapshot is
+    /// left in the folder.
+    pub(crate) fn the_same_everywhere(&self, steps: u64, folder: &Path) -> State {
+        let alone = self.the_same_on(steps, &[2, 3, 4, 8], &[]);
+        for saved in [0, steps / 2] {
+            let again = self.restarted([3, 2], [saved, steps], folder);
+            alone.expect(&again, &format!("from step {saved}"));
+        }
+        alone
+    }
+
+    fn began(&self, steps: u64, comm: &mut dyn Comm) -> Simulation {
+        let mut sim = (self.assembled)(self.scene, comm);
+        assemble::fill(&mut sim, self.scene, comm);
+        sim.begin(comm).expect("the scene begins well");
+        to_step(&mut sim, steps, comm);
+        sim
+    }
+}
+
+fn to_step(sim: &mut Simulation, step: u64, comm: &mut dyn Comm) {
+    while sim.step < step {
+        sim.step(comm).unwrap_or_else(|error| panic!("{error}"));
+    }
+}
+
+/// One rank with just these particles in a scene (whose own are left out).
+pub(crate) struct Bench {
+    pub(crate) sim: Simulation,
+    comm: Alone,
+}
+
+impl Bench {
+    pub(crate) fn new(text: &str, particles: &[Particle]) -> Self {
+        Self::of(&scene(text), particles)
+    }
+
+    pub(crate) fn of(scene: &Scene, particles: &[Particle]) -> Self {
+        let mut comm = Alone::default();
+        let mut sim = assemble::assemble(scene, &comm);
+        sim.particles.strip_to_owned();
+        for particle in particles {
+            sim.insert(particle);
+            sim.next_id = sim.next_id.max(particle.id.0 + 1);
+        }
+        sim.begin(&mut comm).expect("the scene begins well");
+        Self { sim, comm }
+    }
+
+    /// The same, with moments of inertia so large that nothing turns.
+    pub(crate) fn heavy_to_turn(scene: &Scene, particles: &[Particle]) -> Self {
+        let mut scene = scene.clone();
+        for inertia in &mut scene.library.inertia {
+            *inertia *= 1e9;
+        }
+        Self::of(&scene, particles)
+    }
+
+    /// Takes the velocities as those of half a step before, as references that list them so do.
+    pub(crate) fn with_middle_velocities(mut self) -> Self {
+        let (half, damping) = (0.5 * self.sim.dt, self.sim.field.damping);
+        for slot in 0..self.sim.particles.owned {
+            let particles = &self.sim.particles;
+            let force = self.sim.field.force(particles, slot) / particles.mass(slot);
+            let given = particles.velocity[slot];
+            self.sim.particles.velocity[slot] = (given + force * half) / (1.0 + half * damping);
+        }
+        self
+    }
+
+    /// The velocity in the middle of the last step.
+    pub(crate) fn middle_velocity(&self, slot: usize) -> Vec3 {
+        let (half, damping) = (0.5 * self.sim.dt, self.sim.field.damping);
+        let particles = &self.sim.particles;
+        let force = self.sim.field.force(particles, slot) / particles.mass(slot);
+        particles.velocity[slot] * (1.0 + half * damping) - force * half
+    }
+
+    pub(crate) fn step(&mut self) {
+        self.try_step().expect("the step is done");
+    }
+
+    pub(crate) fn try_step(&mut self) -> Result<(), StepError> {
+        self.sim.step(&mut self.comm)
+    }
+
+    pub(crate) fn measure(&mut self) -> dem_mpi::measure::Measures {
+        self.sim.measure(&mut self.comm)
+    }
+
+    /// The slot of a particle now.
+    pub(crate) fn slot(&self, id: u64) -> usize {
+        let ids = &self.sim.particles.id[..self.sim.particles.owned];
+        ids.iter().position(|&other| other == GlobalId(id)).expect("the particle is there")
+    }
+}
+
+/// Random rotations as matrices.
+pub(crate) trait Frame {
+    /// One of them; not quite uniform.
+    fn frame(&mut self) -> Mat3;
+}
+
+impl Frame for Random {
+    fn frame(&mut self) -> Mat3 {
+        let four = nalgebra::Vector4::from_fn(|_, _| self.between(-1.0, 1.0));
+        Quat::from_quaternion(four.into()).to_rotation_matrix().into_inner()
+    }
+}
+
+/// A random integer in `0..limit`.
+pub(crate) fn below(random: &mut Random, limit: u64) -> u64 {
+    (random.unit() * limit as f64) as u64
+}
+
+/// The same shape with all lengths times `unit`. Solids are made anew from their corners, which moves the last
+/// bits: compare with `scaled(shape, 1.0)`.
+pub(crate) fn scaled(shape: &Shape, unit: f64) -> Shape {
+    let times = |points: &[Vec3]| points.iter().map(|p| p * unit).collect::<Vec<_>>();
+    match shape {
+        Shape::Sphere(s) => Shape::Sphere(Sphere { radius: s.radius * unit }),
+        Shape::Ellipsoid(e) => Shape::Ellipsoid(Ellipsoid { semi_axes: e.semi_axes * unit }),
+        Shape::Superellipsoid(s) => {
+            Shape::Superellipsoid(Superellipsoid::new(s.semi_axes() * unit, s.exponents()))
+        }
+        Shape::PolySuperellipsoid(p) => {
+            let [positive, negative] = p.semi_axes().map(|axes| axes * unit);
+            let scaled = PolySuperellipsoid::new(positive, negative, p.exponents());
+            Shape::PolySuperellipsoid(Box::new(scaled))
+        }
+        Shape::Spherocylinder(s) => Shape::Spherocylinder(Spherocylinder {
+            length: s.length * unit,
+            radius: s.radius * unit,
+        }),
+        Shape::Polyhedron(p) => {
+            let solid = Polyhedron::new(&times(p.hull().vertices()));
+            Shape::Polyhedron(Box::new(solid.expect("a body")))
+        }
+        Shape::RoundedPolyhedron(p) => {
+            let solid = RoundedPolyhedron::new(&times(p.core().vertices()), p.radius() * unit);
+            Shape::RoundedPolyhedron(Box::new(solid.expect("a body")))
+        }
+        Shape::Other(_) | Shape::HalfSpace(_) | Shape::TriangleMesh(_) => {
+            unreachable!("no grain of a scene")
+        }
+    }
+}
