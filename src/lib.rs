@@ -10,16 +10,18 @@
 //! | 3 | [`arguments`] | what programs print about their arguments |
 //! | 4 | [`cell`] [`random`] [`shape`] [`comm`] | the box and its periods; random numbers; shapes; communication |
 //! | 5 | [`contact`] | from two shapes to overlap, normal and point |
-//! | 6 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
-//! | 7 | [`law`] [`motion`] | from overlap to force; from force to motion |
-//! | 8 | [`search`] | which pairs may touch |
-//! | 9 | [`contacts`] | those that do: what is remembered of them, what acts in them |
-//! | 10 | [`measure`] | energies and other scalars of the whole system |
-//! | 11 | [`domain`] [`drive`] | who owns what; what acts from outside |
-//! | 12 | [`output`] | what is written |
-//! | 13 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
-//! | 14 | [`scene`] | the user's file, checked, and turned into a simulation |
-//! | 15 | [`guide`] | how to use it: pages to read |
+//! | 6 | [`population`] | what particles are made of, and how they are mixed |
+//! | 7 | [`walls`] | planes and surfaces of triangles, and how they move |
+//! | 8 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
+//! | 9 | [`law`] [`motion`] | from overlap to force; from force to motion |
+//! | 10 | [`search`] | which pairs may touch |
+//! | 11 | [`contacts`] | those that do: what is remembered of them, what acts in them |
+//! | 12 | [`measure`] | energies and other scalars of the whole system |
+//! | 13 | [`domain`] [`drive`] | who owns what; what acts from outside |
+//! | 14 | [`output`] | what is written |
+//! | 15 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
+//! | 16 | [`scene`] | the user's file, checked, and turned into a simulation |
+//! | 17 | [`guide`] | how to use it: pages to read |
 //!
 //! They stand in three libraries. `dem-law` (`src/law`) is [`law`], which takes longest to compile. `dem-grains` (`src/grains`) has the other rows up
 //! to [`search`] but [`arguments`] and [`comm`], and needs neither MPI nor HDF5. This one has the rest, and the modules of both as its own.
@@ -39,8 +41,8 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub use dem_grains::{
-    cell, contact, files, ids, lanes, math, motion, pairs, particles, random, search, shape, text,
-    timing,
+    cell, contact, files, ids, lanes, math, motion, pairs, particles, population, random, search,
+    shape, text, timing, walls,
 };
 pub use dem_law as law;
 

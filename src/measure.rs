@@ -11,7 +11,7 @@ use crate::math::{ExactSum, Vec3, larger_number};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
 use crate::particles::columns::Quantity;
-use crate::particles::walls::Wall;
+use crate::walls::Wall;
 use serde::{Deserialize, Serialize};
 
 /// The part of an energy that may be missing from the balance without a warning.

@@ -13,9 +13,9 @@ use crate::ids::{GlobalId, Slot};
 use crate::law::Separated;
 use crate::math::Vec3;
 use crate::particles::Particles;
-use crate::particles::walls::PARALLEL;
 use crate::shape::triangle_mesh::FLAT;
 use crate::shape::{Kind, TriangleMesh};
+use crate::walls::PARALLEL;
 use std::cmp::Ordering;
 
 /// A facet of a mesh that is the second body of a pair.

@@ -1,8 +1,8 @@
 //! How much room a wall that a drive moves has between the opposite side and far out of the domain.
 
 use crate::cell::Cell;
-use crate::particles::Library;
-use crate::particles::walls::{Across, Wall, ends};
+use crate::population::Library;
+use crate::walls::{Across, Wall, ends};
 
 /// Where a wall can press on nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -15,7 +15,7 @@ use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::math::{ExactSum, Vec3};
-use crate::particles::walls::{Across, Wall, area};
+use crate::walls::{Across, Wall, area};
 use serde::{Deserialize, Serialize};
 
 /// A wall that moves freely along a line.

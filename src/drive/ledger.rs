@@ -10,7 +10,7 @@ use crate::contact::StateColumn;
 use crate::law::{OnWall, PressOnWall};
 use crate::math::{RoundedSum, Vec3};
 use crate::particles::Particles;
-use crate::particles::walls::Wall;
+use crate::walls::Wall;
 use std::collections::HashMap;
 
 /// Names [`Ledger`] among the observers.

@@ -115,10 +115,11 @@ use crate::contacts::Contacts;
 use crate::ids::ShapeId;
 use crate::law::{ForceLaw, Sums};
 use crate::math::Vec3;
-use crate::particles::census::Census;
+use crate::particles::Particles;
 use crate::particles::records::Particle;
-use crate::particles::walls::Wall;
-use crate::particles::{Library, Particles};
+use crate::population::Library;
+use crate::population::census::Census;
+use crate::walls::Wall;
 use lists::Lists;
 use serde::{Deserialize, Serialize};
 

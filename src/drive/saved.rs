@@ -3,7 +3,7 @@
 use super::DriveError;
 use crate::contact::StateColumn;
 use crate::math::ExactSum;
-use crate::particles::Library;
+use crate::population::Library;
 use serde::{Deserialize, Serialize};
 
 /// The state of a drive in a snapshot.

@@ -19,6 +19,10 @@ pub mod shape;
 
 pub mod contact;
 
+pub mod population;
+
+pub mod walls;
+
 pub mod pairs;
 pub mod particles;
 

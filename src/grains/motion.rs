@@ -26,8 +26,9 @@
 
 use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
 use crate::math::{Quat, Vec3, Vec3AndNumber};
+use crate::particles::Particles;
 use crate::particles::columns::Quantity;
-use crate::particles::{Particles, of_inertia};
+use crate::population::of_inertia;
 use crate::shape::Kind;
 use nalgebra::Quaternion;
 

@@ -27,7 +27,8 @@ use crate::contact::{Geometry, Pair, StateColumn, touch_of_sphere, triple, vecto
 use crate::ids::{ShapeId, Slot};
 use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row, RowPairs, Triple, WIDTH, row};
 use crate::math::Vec3;
-use crate::particles::{Library, Needs, Particles};
+use crate::particles::{Needs, Particles};
+use crate::population::Library;
 use crate::shape::Kind;
 use balance::{Powers, Stored};
 use rows::{

@@ -18,7 +18,7 @@ pub use interactions::{Interactions, Mixing};
 
 // Its modules as everywhere in the program.
 use crate as law;
-use dem_grains::{contact, ids, lanes, math, particles, shape};
+use dem_grains::{contact, ids, lanes, math, particles, population, shape};
 
 use crate::contact::curvature::Curvature;
 use crate::contact::{Geometry, Pair, Patch, Previous, StateColumn};
@@ -26,7 +26,8 @@ use crate::ids::{MaterialId, ShapeId};
 use crate::lanes::{Row, prefetch};
 use crate::math::{Vec3, Vec3AndNumber};
 use crate::particles::columns::Quantity;
-use crate::particles::{Library, Needs, Particles, held};
+use crate::particles::{Needs, Particles, held};
+use crate::population::Library;
 use serde::{Deserialize, Serialize};
 
 /// Adds a row to the sum of a body: all of them have one, see [`Sums::begin`].
@@ -222,7 +223,7 @@ impl Sums {
     }
 
     /// Work and losses between walls and owned particles, in the order of the particles in space, then of the walls: all of it of walls that
-    /// [wear](crate::particles::walls::Wall::wears), of others where they work.
+    /// [wear](crate::walls::Wall::wears), of others where they work.
     pub fn on_walls(&self) -> &[OnWall] {
         &self.on_walls
     }

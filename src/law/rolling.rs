@@ -31,7 +31,8 @@ use super::{About, Body, Hardest, Mixing};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
-use crate::particles::{Library, Needs};
+use crate::particles::Needs;
+use crate::population::Library;
 use crate::shape::Shape;
 use serde::{Deserialize, Serialize};
 

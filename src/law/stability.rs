@@ -33,7 +33,8 @@ use super::{Body, ForceLaw, Hardest};
 use crate::contact::{Geometry, Pair};
 use crate::ids::{MaterialId, ShapeId, Slot};
 use crate::math::{Mat3, Vec3};
-use crate::particles::{Library, Particles};
+use crate::particles::Particles;
+use crate::population::Library;
 use crate::shape::Shape;
 use std::collections::BTreeMap;
 

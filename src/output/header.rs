@@ -4,8 +4,8 @@ use crate::cell::Cell;
 use crate::drive::SavedState;
 use crate::math::Vec3;
 use crate::measure::Departed;
-use crate::particles::walls::Saved;
 use crate::shape::{Ellipsoid, Shape};
+use crate::walls::Saved;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 

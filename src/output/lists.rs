@@ -5,8 +5,8 @@
 //! is that at the end of the step if nothing touched it in the last half of it.
 
 use super::growing::{GrowingTable, TableError};
-use crate::particles::Library;
 use crate::particles::records::Particle;
+use crate::population::Library;
 use std::path::Path;
 
 const COLUMNS: [&str; 12] = [

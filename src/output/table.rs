@@ -22,7 +22,7 @@ use crate::cell::Cell;
 use crate::math::Vec3;
 use crate::measure::{COMPONENTS, Measures};
 use crate::particles::columns::Quantity;
-use crate::particles::walls::{Across, Wall, area};
+use crate::walls::{Across, Wall, area};
 use std::path::Path;
 
 /// The open table.
@@ -229,7 +229,7 @@ mod tests {
     use crate::cell::Cell;
     use crate::math::Vec3;
     use crate::measure::Measures;
-    use crate::particles::walls::Wall;
+    use crate::walls::Wall;
 
     /// A name may hold what separates columns.
     #[test]

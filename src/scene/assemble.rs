@@ -23,13 +23,14 @@ use crate::motion::Field;
 use crate::output::SnapshotError;
 use crate::output::header::{Header, ShapeRow, WallRow};
 use crate::output::snapshot::Reader;
+use crate::particles::Particles;
 use crate::particles::columns::Accumulated;
 use crate::particles::records::Particle;
-use crate::particles::walls::{StageSoFar, Wall, area};
-use crate::particles::{Library, Particles};
+use crate::population::Library;
 use crate::search::PairList;
 use crate::sim::{Simulation, audit::Auditor, capture, watch::Watch};
 use crate::timing::Clock;
+use crate::walls::{StageSoFar, Wall, area};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -9,7 +9,7 @@ use crate::ids::ShapeId;
 use crate::output::SnapshotError;
 use crate::output::header::{Header, ShapeRow};
 use crate::output::snapshot::Reader;
-use crate::particles::Library;
+use crate::population::Library;
 use std::path::Path;
 
 /// The library's shape that is this one of a snapshot.

@@ -23,7 +23,7 @@ use crate::ids::ShapeId;
 use crate::law::Choice;
 use crate::law::stability::{TimeStepLimit, own_step, time_step_limit};
 use crate::math::{Vec3, printed_limit};
-use crate::particles::Library;
+use crate::population::Library;
 use crate::sim::audit::Settings as Audit;
 use crate::sim::steps_of;
 use std::path::{Path, PathBuf};

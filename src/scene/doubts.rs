@@ -12,10 +12,10 @@ use crate::law::stability::lost_levers;
 use crate::law::{Body, Choice};
 use crate::math::Vec3;
 use crate::output::table::stressed;
-use crate::particles::walls::{Wall, room};
 use crate::shape::triangle_mesh::{MeshFacet, Strip};
 use crate::shape::{Kind, Shape};
 use crate::sim::start::DEEPEST_START;
+use crate::walls::{Wall, room};
 use std::collections::BTreeMap;
 
 /// Warnings about a scene, a sentence each.

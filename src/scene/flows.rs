@@ -11,7 +11,7 @@ use crate::drive::rain::{Within, of_layer};
 use crate::drive::region::Region;
 use crate::math::Vec3;
 use crate::output::table::has_column;
-use crate::particles::Library;
+use crate::population::Library;
 use crate::random::Random;
 
 /// Steps between looks of an outlet, if the file does not say.

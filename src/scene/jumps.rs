@@ -7,7 +7,7 @@ use super::mistakes::Mistakes;
 use super::reader::Given;
 use crate::ids::{MaterialId, ShapeId};
 use crate::law::{Beside, Body, Choice};
-use crate::particles::Library;
+use crate::population::Library;
 use std::collections::BTreeSet;
 
 /// A constant that differs by less than this part is the same.

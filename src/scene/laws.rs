@@ -12,7 +12,7 @@ use crate::law::linear::{self, damping_ratio_of_restitution};
 use crate::law::{Beside, Choice, Interactions, Mixing};
 use crate::law::{dmt, rolling};
 use crate::math::Vec3;
-use crate::particles::Library;
+use crate::population::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};

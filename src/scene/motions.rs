@@ -4,9 +4,9 @@ use super::listed;
 use super::reader::{Given, Range, Section};
 use crate::cell::{AXES, Cell};
 use crate::math::Vec3;
-use crate::particles::courses::{Course, Table, Way};
-use crate::particles::walls::Wall;
 use crate::text::{Lines, shown};
+use crate::walls::Wall;
+use crate::walls::courses::{Course, Table, Way};
 use std::path::Path;
 
 /// The `[[motion]]` tables.

@@ -3,8 +3,8 @@
 use super::{Fill, Lattice, Listed, Scene};
 use crate::ids::GlobalId;
 use crate::math::Vec3;
-use crate::particles::Library;
 use crate::particles::records::Particle;
+use crate::population::Library;
 use crate::random::Random;
 
 /// The particles of all fills, in the order of the file, with ids from 0. Each is a function of the

@@ -8,7 +8,7 @@ use crate::ids::{MaterialId, Slot};
 use crate::law::{Choice, Last, Sums, Work};
 use crate::math::Vec3;
 use crate::pairs::Body;
-use crate::particles::Library;
+use crate::population::Library;
 use crate::sim::{Simulation, audit};
 use thiserror::Error;
 

@@ -13,9 +13,9 @@ use crate::ids::{MaterialId, ShapeId};
 use crate::math::{ExactSum, Vec3};
 use crate::output::snapshot::{contact_bytes, particle_bytes};
 use crate::output::tables::PARTICLE_COLUMNS;
-use crate::particles::walls::{Mesh, Wall};
 use crate::shape::moments::Placement;
 use crate::shape::{Kind, Shape};
+use crate::walls::{Mesh, Wall};
 use std::collections::BTreeSet;
 use std::fmt::Display;
 

@@ -8,9 +8,9 @@ use crate::drive::inlet::Amount;
 use crate::drive::rain::{LOOKED_AT, Layer, Site, Within};
 use crate::drive::region::Region;
 use crate::ids::ShapeId;
-use crate::particles::Library;
-use crate::particles::walls::{Wall, met_by};
+use crate::population::Library;
 use crate::random::Random;
+use crate::walls::{Wall, met_by};
 
 /// Places of an inlet that are looked at.
 const PLACES: u64 = 1000;

@@ -1,7 +1,7 @@
 //! Sizes of the particles of a shape: from the file as written to [`Sizes`].
 
 use super::reader::{Given, Range};
-use crate::particles::sizes::{By, Distribution, Law, Sizes};
+use crate::population::sizes::{By, Distribution, Law, Sizes};
 
 /// What `limits` and `uniform` are.
 const TWO: &str = "a list of two numbers greater than 0: the smallest scale and the largest";

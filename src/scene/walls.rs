@@ -11,10 +11,10 @@ use crate::contact::Method;
 use crate::drive::free::FreeWall;
 use crate::ids::MaterialId;
 use crate::math::{Quat, Vec3, printed_limit, rotation_about};
-use crate::particles::Library;
-use crate::particles::walls::{TorqueAbout, Wall};
+use crate::population::Library;
 use crate::shape::triangle_mesh::TriangleMesh;
 use crate::shape::{HalfSpace, Kind, LENGTHS, Shape, mesh};
+use crate::walls::{TorqueAbout, Wall};
 use std::collections::BTreeSet;
 use std::path::Path;
 

@@ -15,7 +15,7 @@ use crate::math::Vec3;
 use crate::measure::Measures;
 use crate::output::growing::TableError;
 use crate::output::lists::List;
-use crate::output::table::{History, Row};
+use crate::output::table::{self, History};
 use crate::output::{SnapshotError, snapshot};
 use crate::particles::columns::Quantity;
 use crate::timing::{Clock, Phase};
@@ -353,7 +353,7 @@ impl<'a> Records<'a> {
         let Some(history) = &mut self.history else { return Ok(()) };
         let own: Vec<f64> = counted(sim).map(|(_, number)| number).collect();
         let (step, time, walls) = (sim.step, sim.time(), &*sim.particles.walls);
-        history.push(&Row { step, time, measures, forces, walls, own: &own })
+        history.push(&table::Row { step, time, measures, forces, walls, own: &own })
     }
 
     /// Adds the particles that came and went at this step to the lists.

@@ -5,8 +5,8 @@ use crate::drive::Drive;
 use crate::ids::ShapeId;
 use crate::output::report::sizes::{Below, Figures, SizesOf};
 use crate::particles::Particles;
-use crate::particles::census::Census;
-use crate::particles::sizes::{By, Distribution};
+use crate::population::census::Census;
+use crate::population::sizes::{By, Distribution};
 
 /// Of every shape of which there are or were particles and that has a law of sizes in the scene. The same on all ranks, whatever their
 /// number. Collective.

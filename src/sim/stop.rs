@@ -4,7 +4,7 @@ use super::Simulation;
 use crate::drive::{Reporter, Standing};
 use crate::math::Vec3;
 use crate::measure::Measures;
-use crate::particles::walls::Wall;
+use crate::walls::Wall;
 use serde::{Deserialize, Serialize};
 use std::fmt::{Display, Formatter};
 

@@ -12,12 +12,13 @@ use dem_mpi::drive::{
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
+use dem_mpi::particles::Particles;
 use dem_mpi::particles::records::Particle;
-use dem_mpi::particles::walls::Wall;
-use dem_mpi::particles::{Library, Particles};
+use dem_mpi::population::Library;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble;
 use dem_mpi::sim::{Simulation, StepError};
+use dem_mpi::walls::Wall;
 
 const COUNT: StateColumn = StateColumn::new("count", 1, "1");
 

@@ -190,7 +190,7 @@ directory = "out"
         "{stopped:?}"
     );
     let asked = scene.library.sizes[0].distribution().unwrap();
-    let by = dem_mpi::particles::sizes::By::Number;
+    let by = dem_mpi::population::sizes::By::Number;
     scales.sort_by(f64::total_cmp);
     let count = scales.len() as f64;
     let off =

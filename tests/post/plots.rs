@@ -9,12 +9,12 @@ use dem_mpi::ids::GlobalId;
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::output::header::{Header, WallRow};
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
-use dem_mpi::particles::walls::Wall;
 use dem_mpi::post::draw::{BLUE, Mark, SIZE, Series, chart, linear};
 use dem_mpi::post::history::History;
 use dem_mpi::post::region::{Bounds, Region};
 use dem_mpi::post::views::{Layer, Views};
 use dem_mpi::post::{Settings, page, panels, plots};
+use dem_mpi::walls::Wall;
 
 fn views(snapshot: &Snapshot, bounds: &Bounds) -> Views {
     let volume = snapshot.header.shapes[0].volume;

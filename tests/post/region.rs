@@ -9,7 +9,6 @@ use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::output::header::{Header, WallRow};
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
-use dem_mpi::particles::walls::Wall;
 use dem_mpi::post::region::{Bounds, Extent, Margin, Region, SampledSolid, Strain};
 use dem_mpi::post::surface::Detail;
 use dem_mpi::post::{Settings, export, inside, plots, series};
@@ -18,6 +17,7 @@ use dem_mpi::shape::{
     Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
     Spherocylinder, Superellipsoid, TriangleMesh,
 };
+use dem_mpi::walls::Wall;
 use nalgebra::Quaternion;
 use std::f64::consts::PI;
 

@@ -5,12 +5,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules by row, as `src/lib.rs` explains them.
-const ROWS: [&[&str]; 15] = [
+const ROWS: [&[&str]; 17] = [
     &["ids", "math", "lanes", "timing", "files"],
     &["text"],
     &["arguments"],
     &["cell", "random", "shape", "comm"],
     &["contact"],
+    &["population"],
+    &["walls"],
     &["particles", "pairs"],
     &["law", "motion"],
     &["search"],

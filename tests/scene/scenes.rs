@@ -10,9 +10,9 @@ use dem_mpi::ids::MaterialId;
 use dem_mpi::ids::ShapeId;
 use dem_mpi::law::linear::{Interactions, damping_ratio_of_restitution};
 use dem_mpi::math::Vec3;
+use dem_mpi::particles::Needs;
 use dem_mpi::particles::records::Particle;
-use dem_mpi::particles::walls::Wall;
-use dem_mpi::particles::{Library, Needs};
+use dem_mpi::population::Library;
 use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::packing::initial;
 use dem_mpi::scene::plan::plan;
@@ -21,6 +21,7 @@ use dem_mpi::scene::{
 };
 use dem_mpi::shape::Shape;
 use dem_mpi::sim::audit::Settings;
+use dem_mpi::walls::Wall;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

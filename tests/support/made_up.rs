@@ -9,8 +9,8 @@ use dem_mpi::measure::Departed;
 use dem_mpi::output::header::{Header, ShapeRow, WallRow};
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::particles::columns::Quantity;
-use dem_mpi::particles::walls::Wall;
 use dem_mpi::shape::{Shape, Sphere};
+use dem_mpi::walls::Wall;
 use std::ops::Range;
 
 /// What one rank, or all ranks one after the other, hand to the writer.

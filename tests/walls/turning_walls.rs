@@ -9,12 +9,12 @@ use dem_mpi::law::kernel::reduced_mass;
 use dem_mpi::math::{Vec3, rotation_about};
 use dem_mpi::measure::Measures;
 use dem_mpi::output::snapshot::Reader;
-use dem_mpi::particles::Library;
 use dem_mpi::particles::records::Particle;
-use dem_mpi::particles::walls::Wall;
+use dem_mpi::population::Library;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::{Scene, plan::plan};
 use dem_mpi::shape::{Shape, Sphere};
+use dem_mpi::walls::Wall;
 use std::f64::consts::TAU;
 
 const RADIUS: f64 = 0.01;

@@ -12,7 +12,6 @@ use dem_mpi::ids::Slot;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::particles::records::Particle;
-use dem_mpi::particles::walls::Wall;
 use dem_mpi::post::export;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, Continuation};
@@ -20,6 +19,7 @@ use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::sim::Simulation;
 use dem_mpi::sim::run::{Ending, run};
+use dem_mpi::walls::Wall;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 

@@ -18,10 +18,11 @@ use crate::drive::{
 };
 use crate::ids::GlobalId;
 use crate::math::Vec3;
+use crate::particles::Particles;
 use crate::particles::records::Particle;
-use crate::particles::walls::{Wall, met_by};
-use crate::particles::{Library, Particles};
+use crate::population::Library;
 use crate::random::{Random, mixed};
+use crate::walls::{Wall, met_by};
 
 /// How often a grain looks for a place at one time.
 pub const TRIES: usize = 50;

@@ -10,9 +10,9 @@ pub use feed::{Inlets, MOST_AT_ONCE};
 use super::DriveError;
 use super::region::Region;
 use crate::math::Vec3;
-use crate::particles::Library;
-use crate::particles::mix::Mix;
-use crate::particles::orientations::Orientations;
+use crate::population::Library;
+use crate::population::mix::Mix;
+use crate::population::orientations::Orientations;
 use serde::{Deserialize, Serialize};
 
 /// A rate, or an amount.
@@ -132,8 +132,8 @@ mod tests {
     use crate::drive::region::Region;
     use crate::ids::ShapeId;
     use crate::math::Vec3;
-    use crate::particles::mix::Mix;
-    use crate::particles::orientations::Orientations;
+    use crate::population::mix::Mix;
+    use crate::population::orientations::Orientations;
 
     /// Grain by grain at the times at which they are due, when the clock is far ahead of the time between two.
     #[test]

@@ -9,9 +9,10 @@ use crate::drive::{
     SavedState, Standing,
 };
 use crate::math::Vec3;
+use crate::particles::Particles;
 use crate::particles::records::Particle;
-use crate::particles::walls::Wall;
-use crate::particles::{Library, Particles};
+use crate::population::Library;
+use crate::walls::Wall;
 
 /// Lets layers fall.
 #[derive(Clone, Debug)]
@@ -173,12 +174,13 @@ mod tests {
     use crate::cell::Cell;
     use crate::ids::{GlobalId, MaterialId, ShapeId};
     use crate::math::Vec3;
-    use crate::particles::mix::Mix;
-    use crate::particles::orientations::Orientations;
     use crate::particles::records::Particle;
-    use crate::particles::walls::Wall;
-    use crate::particles::{Library, Needs, Particles};
+    use crate::particles::{Needs, Particles};
+    use crate::population::Library;
+    use crate::population::mix::Mix;
+    use crate::population::orientations::Orientations;
     use crate::shape::{Shape, Sphere};
+    use crate::walls::Wall;
 
     /// A slab at the low end of x, at the top of a box that repeats along x.
     fn rain(count: u64) -> RainGauge {

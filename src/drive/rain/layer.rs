@@ -12,10 +12,10 @@ use crate::cell::Cell;
 use crate::drive::region::Region;
 use crate::ids::GlobalId;
 use crate::math::Vec3;
-use crate::particles::Library;
 use crate::particles::records::Particle;
-use crate::particles::walls::{Wall, met_by};
+use crate::population::Library;
 use crate::random::{Random, mixed};
+use crate::walls::{Wall, met_by};
 
 /// Layers of more cells than this are not looked at before the run.
 pub const LOOKED_AT: u64 = 20_000;

@@ -10,9 +10,9 @@ pub use layer::{LOOKED_AT, Layer, Site, of_layer};
 
 use super::region::Region;
 use crate::math::Vec3;
-use crate::particles::mix::Mix;
-use crate::particles::orientations::Orientations;
-use crate::particles::walls::Wall;
+use crate::population::mix::Mix;
+use crate::population::orientations::Orientations;
+use crate::walls::Wall;
 use serde::{Deserialize, Serialize};
 
 /// A particle may reach out of a region by so much of a cell, for rounding.

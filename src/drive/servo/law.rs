@@ -28,7 +28,7 @@
 
 use crate::cell::Cell;
 use crate::math::Vec3;
-use crate::particles::walls::{Wall, area};
+use crate::walls::{Wall, area};
 use serde::{Deserialize, Serialize};
 
 /// What a servo keeps.

@@ -22,7 +22,7 @@ use super::{
 };
 use crate::comm::Comm;
 use crate::math::{ExactSum, Vec3};
-use crate::particles::walls::Wall;
+use crate::walls::Wall;
 use errors::{Errors, Record, SWINGS};
 use means::Means;
 use std::collections::BTreeMap;

@@ -7,7 +7,7 @@ use crate::comm::Comm;
 use crate::contact::StateColumn;
 use crate::drive::{DriveError, Restart, SavedColumn, SavedState, load};
 use crate::math::ExactSum;
-use crate::particles::walls::Wall;
+use crate::walls::Wall;
 
 /// Names [`Servos`] among the drives.
 pub(super) const NAME: &str = "servos";

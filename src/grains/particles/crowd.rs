@@ -1,10 +1,11 @@
 //! Bodies for tests.
 
 use super::records::Particle;
-use super::{Library, Needs, Particles};
+use super::{Needs, Particles};
 use crate::cell::Cell;
 use crate::ids::{GlobalId, MaterialId, ShapeId};
 use crate::math::Vec3;
+use crate::population::Library;
 use crate::random::Random;
 use crate::shape::{Ellipsoid, Shape, Sphere};
 

@@ -3,176 +3,23 @@
 //! Slots run owned | ghosts | facets of walls; all facets of a wall have its pose. A column that the scene does not need does not
 //! exist: spheres without friction do not turn, a scene of spheres only has no orientation.
 
-pub mod census;
 pub mod columns;
-pub mod courses;
 #[doc(hidden)]
 pub mod crowd;
-pub mod mix;
+mod facets;
 pub mod order;
-pub mod orientations;
 pub mod records;
-pub mod sizes;
-pub mod walls;
 
 use crate::cell::Cell;
-use crate::contact::{Bodies, FacetInPlace, Pair, Posed};
+use crate::contact::{Bodies, Pair, Posed};
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot, Standing};
-use crate::math::{Mat3, Quat, Vec3, Vec3AndNumber};
+use crate::math::{Quat, Vec3, Vec3AndNumber};
+use crate::population::Library;
 use crate::shape::{Form, Shape};
+use crate::walls::{FacetColumns, Wall};
 use columns::Accumulated;
 pub use columns::Needs;
 use records::Particle;
-use serde::{Deserialize, Serialize};
-use sizes::Sizes;
-use walls::{Corners, FacetColumns, Wall};
-
-/// Everything that particles of one shape have in common. Facets of walls stand here too, after the shapes of
-/// the particles, with the mass of their walls.
-#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
-pub struct Library {
-    /// Geometry.
-    pub shapes: Vec<Shape>,
-    /// Name in the scene.
-    pub names: Vec<String>,
-    /// What it is made of.
-    pub materials: Vec<MaterialId>,
-    /// Bounding radius [m].
-    pub radius: Vec<f64>,
-    /// Least radius of curvature [m].
-    pub curvature_radius: Vec<f64>,
-    /// Mass [kg].
-    pub mass: Vec<f64>,
-    /// Principal moments of inertia [kg m²].
-    pub inertia: Vec<Vec3>,
-    /// How the sizes of new particles are distributed.
-    pub sizes: Vec<Sizes>,
-    /// Least and largest scale of a particle: lengths of the particle over those of its shape [-].
-    pub scales: Vec<[f64; 2]>,
-    /// How many particles of each shape there can be at most; infinite if nothing is known [-].
-    pub most: Vec<f64>,
-    /// How many of them belong to particles; the rest are facets of walls.
-    pub particle_shapes: usize,
-}
-
-/// Mass over that of the shape, at a scale.
-#[inline]
-pub fn of_mass(scale: f64) -> f64 {
-    scale * scale * scale
-}
-
-/// Moments of inertia over those of the shape, at a scale.
-#[inline]
-pub fn of_inertia(scale: f64) -> f64 {
-    (scale * scale) * of_mass(scale)
-}
-
-impl Library {
-    /// Adds a shape; `density` in kg/m³. Returns its id. What has no volume, as a facet, has infinite mass.
-    pub fn push(
-        &mut self,
-        name: &str,
-        shape: Shape,
-        material: MaterialId,
-        density: f64,
-    ) -> ShapeId {
-        let volume = shape.volume();
-        let (mass, inertia) = if volume.is_finite() {
-            (density * volume, shape.gyration() * (density * volume))
-        } else {
-            (f64::INFINITY, Vec3::repeat(f64::INFINITY))
-        };
-        self.mass.push(mass);
-        self.inertia.push(inertia);
-        self.radius.push(shape.bounding_radius());
-        self.curvature_radius.push(shape.smallest_curvature_radius());
-        self.shapes.push(shape);
-        self.sizes.push(Sizes::default());
-        self.scales.push([1.0; 2]);
-        self.most.push(f64::INFINITY);
-        self.names.push(name.to_owned());
-        self.materials.push(material);
-        ShapeId((self.shapes.len() - 1) as u16)
-    }
-
-    /// Lets new particles of a shape have sizes of this distribution.
-    pub fn set_sizes(&mut self, shape: ShapeId, sizes: Sizes) {
-        self.scales[shape.index()] = sizes.scales();
-        self.sizes[shape.index()] = sizes;
-    }
-
-    /// Makes room for a particle of this scale.
-    pub fn admit(&mut self, shape: ShapeId, scale: f64) {
-        let [least, largest] = &mut self.scales[shape.index()];
-        (*least, *largest) = (least.min(scale), largest.max(scale));
-    }
-
-    /// May a particle have another size than its shape?
-    pub fn has_sizes(&self) -> bool {
-        self.scales.iter().any(|scales| *scales != [1.0; 2])
-    }
-
-    /// Shapes of particles with the scales that bound theirs: one if all are alike.
-    pub fn extremes(&self) -> impl Iterator<Item = (ShapeId, f64)> + '_ {
-        let of_shape = |(index, &[least, largest]): (usize, &[f64; 2])| {
-            let larger = (largest > least).then_some(largest);
-            let scales = std::iter::once(least).chain(larger);
-            scales.map(move |scale| (ShapeId(index as u16), scale))
-        };
-        self.scales[..self.particle_shapes].iter().enumerate().flat_map(of_shape)
-    }
-
-    /// How far a particle with faces can reach from a point of its surface [m]; 0 if none has any.
-    pub fn longest_with_faces(&self) -> f64 {
-        let reach = |(shape, scale): (ShapeId, f64)| {
-            let has_faces = self.shapes[shape.index()].kind().has_faces();
-            if has_faces { 2.0 * self.radius[shape.index()] * scale } else { 0.0 }
-        };
-        self.extremes().map(reach).fold(0.0, f64::max)
-    }
-
-    /// Mass of a particle of this shape and scale [kg].
-    #[inline]
-    pub fn mass_at(&self, shape: ShapeId, scale: f64) -> f64 {
-        self.mass[shape.index()] * of_mass(scale)
-    }
-
-    /// Mean mass of the new particles of a shape [kg].
-    pub fn mean_mass(&self, shape: ShapeId) -> f64 {
-        self.mass[shape.index()] * self.sizes[shape.index()].mean_volume()
-    }
-
-    /// The mean over the particles of a mix of what goes with their volume, from that of each shape.
-    pub fn mean_over(&self, mix: &mix::Mix, of_shape: impl Fn(ShapeId) -> f64) -> f64 {
-        let volume = |shape: ShapeId| self.sizes[shape.index()].mean_volume();
-        mix.shares().map(|(shape, share)| share * of_shape(shape) * volume(shape)).sum()
-    }
-
-    /// Principal moments of inertia of a particle of this shape and scale [kg m²].
-    #[inline]
-    pub fn inertia_at(&self, shape: ShapeId, scale: f64) -> Vec3 {
-        self.inertia[shape.index()] * of_inertia(scale)
-    }
-
-    /// Are mass and moments of inertia of a particle of this shape and scale within the range of numbers?
-    pub fn has_mass_at(&self, shape: ShapeId, scale: f64) -> bool {
-        self.mass_at(shape, scale).is_normal()
-            && self.inertia_at(shape, scale).iter().all(|i| i.is_normal())
-    }
-
-    /// The largest bounding radius of a particle [m].
-    pub fn largest_radius(&self) -> f64 {
-        let radius = |(shape, scale): (ShapeId, f64)| self.radius[shape.index()] * scale;
-        self.extremes().map(radius).fold(0.0, f64::max)
-    }
-
-    /// Half the thickness of the thinnest particle [m]; infinite without shapes.
-    pub fn least_inscribed_radius(&self) -> f64 {
-        let radius =
-            |(shape, scale): (ShapeId, f64)| self.shapes[shape.index()].inscribed_radius() * scale;
-        self.extremes().map(radius).fold(f64::INFINITY, f64::min)
-    }
-}
 
 /// Rotation columns, where the scene needs them.
 #[derive(Clone, Debug, Default)]
@@ -330,15 +177,6 @@ impl Particles {
         self.cell.velocity_of_nearest(&(b - a))
     }
 
-    /// Velocity of the surface of a body against the body itself in a contact with this normal, as of a conveyor belt [m/s]; zero of
-    /// all others.
-    #[inline]
-    pub fn belt_at(&self, slot: Slot, normal: &Vec3) -> Vec3 {
-        let facet = slot.index().checked_sub(self.first_facet());
-        let belt = facet.and_then(|facet| self.facets.belts.get(facet));
-        belt.map_or_else(Vec3::zeros, |belt| belt - normal * normal.dot(belt))
-    }
-
     /// The bodies as contact resolution sees them.
     pub fn bodies(&self) -> Bodies<'_> {
         Bodies {
@@ -357,18 +195,6 @@ impl Particles {
     /// How many slots there are.
     pub fn slots(&self) -> usize {
         self.id.len()
-    }
-
-    /// The slot of the first facet of a wall.
-    pub const fn first_facet(&self) -> usize {
-        self.owned + self.ghosts
-    }
-
-    /// The index of the wall that a facet in this slot belongs to; `None` for a particle.
-    #[inline]
-    pub fn wall_of(&self, slot: Slot) -> Option<usize> {
-        let facet = slot.index().checked_sub(self.first_facet())?;
-        self.facets.wall.get(facet).map(|&wall| wall as usize)
     }
 
     /// What messages call a body.
@@ -571,32 +397,6 @@ impl Particles {
         }
     }
 
-    /// Appends the slots of the facets of walls after owned particles and ghosts.
-    pub fn append_walls(&mut self) {
-        self.id.extend(walls::ids(&self.walls));
-        for (k, wall) in self.walls.iter().enumerate() {
-            for facet in &wall.facets {
-                self.shape.push(facet.shape);
-                self.facets.wall.push(k as u32);
-            }
-        }
-        for &id in &self.near_facets {
-            let Some((wall, _)) = id.wall_and_facet() else { continue };
-            let Some(mesh) = &self.walls[wall].mesh else { continue };
-            self.id.push(id);
-            self.shape.push(mesh.shape);
-            self.facets.wall.push(wall as u32);
-        }
-        self.lengthen();
-        let ids = &self.id[self.first_facet()..];
-        let in_place = |id: &GlobalId| {
-            let number = id.wall_and_facet().map_or(0, |(_, facet)| facet as u32);
-            FacetInPlace { frame: Mat3::identity(), number }
-        };
-        self.facets.place = ids.iter().map(in_place).collect();
-        self.place_walls();
-    }
-
     /// Brings the columns of all slots to the number of ids.
     fn lengthen(&mut self) {
         let slots = self.id.len();
@@ -609,71 +409,5 @@ impl Particles {
         if let Some(spin) = &mut self.spin {
             spin.angular_velocity.resize(slots, Vec3::zeros());
         }
-    }
-
-    /// Moves the walls to where they stand after `step` steps, of which the last took `dt` [s].
-    pub fn move_walls(&mut self, step: u64, dt: f64) {
-        // What stands still, and did when it was placed, is in its place.
-        if !self.facets.any_moves && !self.walls.iter().any(Wall::is_moving) {
-            return;
-        }
-        let room = self.room_of_turning();
-        let nearer: Vec<f64> =
-            self.walls.iter_mut().map(|wall| wall.advance(step, dt, &room)).collect();
-        let first = self.first_facet();
-        for (travel, &wall) in self.travel[first..].iter_mut().zip(&self.facets.wall) {
-            *travel += nearer[wall as usize];
-        }
-        self.place_walls();
-    }
-
-    /// Copies poses and velocities of walls to the slots of their facets.
-    ///
-    /// # Panics
-    /// If a wall turns and there is no column for it, see [`Needs::spin`].
-    fn place_walls(&mut self) {
-        self.facets.any_moves = self.walls.iter().any(Wall::is_moving);
-        self.facets.any_turns = false;
-        self.facets.any_torque = false;
-        self.facets.any_parallel = walls::any_parallel(&self.walls);
-        for wall in &self.walls {
-            let turns = wall.angular_velocity != Vec3::zeros();
-            assert!(
-                !turns || self.spin.is_some(),
-                "wall \"{}\" turns in a simulation without angular velocities",
-                wall.name
-            );
-            self.facets.any_turns |= turns;
-            self.facets.any_torque |= turns || wall.torque.is_some();
-        }
-        let frames: Vec<Mat3> = self.walls.iter().map(Wall::frame).collect();
-        let first = self.first_facet();
-        self.facets.belts.clear();
-        if self.walls.iter().any(Wall::is_belt) {
-            let belt =
-                |&wall: &u32| frames[wall as usize] * self.walls[wall as usize].surface_velocity;
-            self.facets.belts.extend(self.facets.wall.iter().map(belt));
-        }
-        for (facet, &wall) in self.facets.wall.iter().enumerate() {
-            let (slot, index) = (first + facet, wall as usize);
-            let wall = &self.walls[index];
-            self.position[slot] = wall.point;
-            self.velocity[slot] = wall.velocity;
-            if let Some(spin) = &mut self.spin {
-                spin.angular_velocity[slot] = wall.angular_velocity;
-            }
-            self.facets.place[facet].frame = frames[index];
-        }
-    }
-
-    /// The box that has the centres of all particles of all ranks, if a wall turns; else it is not asked for [m].
-    pub fn room_of_turning(&self) -> Corners {
-        if !self.walls.iter().any(Wall::turns) {
-            return Corners::default();
-        }
-        // A particle has left once its centre is outside by its own size.
-        let slack = Vec3::repeat(self.library.largest_radius());
-        let (low, high) = walls::room(&self.walls, &self.cell);
-        (low - slack, high + slack)
     }
 }

@@ -11,10 +11,11 @@
 //! | force, torque, what has accumulated, image | x | | |
 //! | records of touching contacts | x | | |
 
+use super::Particles;
 use super::columns::Accumulated;
-use super::{Library, Particles};
 use crate::ids::{GlobalId, ShapeId, Standing};
 use crate::math::{Quat, Vec3};
+use crate::population::Library;
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
 

@@ -12,7 +12,8 @@ use crate::cell::{Cell, Shear};
 use crate::contact::Pair;
 use crate::ids::{GlobalId, Slot};
 use crate::math::{Vec3, bounds};
-use crate::particles::{Particles, walls};
+use crate::particles::Particles;
+use crate::walls;
 use std::borrow::Cow;
 
 /// Distances are taken as so much longer when cells are chosen, for the rounding of positions.
@@ -480,7 +481,8 @@ mod tests {
     use crate::ids::{GlobalId, MaterialId, ShapeId, Standing};
     use crate::math::Vec3;
     use crate::particles::records::Particle;
-    use crate::particles::{Library, Needs, Particles};
+    use crate::particles::{Needs, Particles};
+    use crate::population::Library;
     use crate::random::Random;
     use crate::shape::{Shape, Sphere};
     use std::collections::BTreeSet;

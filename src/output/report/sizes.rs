@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Sizes of the particles of a shape, as scales of the shape's lengths, beside what the scene asks for: of those that are there at the end,
-/// and of those that have left through outlets in the stage. Quantiles are found to a cell of [`crate::particles::census::Census`].
+/// and of those that have left through outlets in the stage. Quantiles are found to a cell of [`crate::population::census::Census`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SizesOf {
     /// The shape's name.

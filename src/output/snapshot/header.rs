@@ -8,8 +8,8 @@ use crate::measure::Departed;
 use crate::output::SnapshotError;
 use crate::output::hdf5::{Column, SnapshotFile, StoredFile};
 use crate::output::header::{Header, ShapeRow, WallRow};
-use crate::particles::walls::Saved;
 use crate::shape::Shape;
+use crate::walls::Saved;
 use serde::de::DeserializeOwned;
 
 /// The groups of both files that hold no state of a drive.

@@ -4,10 +4,10 @@ use super::{LONGEST_MOVE, Planned, Walls, slower_by, stays_in_period, too_far, t
 use crate::cell::{AXES, Cell, SIDES};
 use crate::drive::servo::{Goal, Servo};
 use crate::math::Vec3;
-use crate::particles::Library;
-use crate::particles::walls::{Across, Wall};
+use crate::population::Library;
 use crate::scene::mistakes::CELL;
 use crate::scene::reader::{Given, Range, Section};
+use crate::walls::{Across, Wall};
 
 /// Parts of velocities along a direction, and of turns out of a plane, that are less than this are rounding.
 const ROUNDING: f64 = 1e-9;

@@ -2,7 +2,7 @@
 
 use super::Library;
 use crate::ids::ShapeId;
-use crate::particles::sizes::By;
+use crate::population::sizes::By;
 
 /// Squares and cubes of scales over the largest are summed in so many parts of 1: sums of 10^8 still fit.
 const PARTS: f64 = (1_u64 << 36) as f64;

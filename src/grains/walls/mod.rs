@@ -9,21 +9,22 @@
 //! the wall began to move as it does, in closed form: a million steps have the rounding of one, and a run that goes on from a
 //! snapshot has the same bits.
 //!
-//! What moves a wall: its scene, with constant velocities or a course ([`super::courses`]), or a drive, which sets its velocities in each step
+//! What moves a wall: its scene, with constant velocities or a course ([`courses`]), or a drive, which sets its velocities in each step
 //! (`drive::servo`, `drive::free`).
 
+pub mod courses;
 mod saved;
 
 pub use saved::{Saved, StageSoFar};
 
-use super::courses::Course;
 use crate::cell::Cell;
 use crate::contact::FacetInPlace;
 use crate::ids::{GlobalId, MaterialId, ShapeId};
 use crate::math::{Mat3, Quat, Vec3, larger_or_infinite, rotation_about};
-use crate::particles::Library;
+use crate::population::Library;
 use crate::shape::triangle_mesh::{MeshFacet, NoSolid};
 use crate::shape::{HalfSpace, Shape, TriangleMesh};
+use courses::Course;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -922,7 +923,7 @@ mod tests {
                 let text = serde_json::to_string(&wall.saved()).unwrap();
                 let saved: Option<super::Saved> = serde_json::from_str(&text).unwrap();
                 assert_eq!(saved, wall.saved());
-                let mut library = super::Library::default();
+                let mut library = crate::population::Library::default();
                 let mut again = Wall::plane("wall".to_owned(), Vec3::zeros(), Vec3::x());
                 again.enter(&mut library, super::MaterialId(0));
                 (again.velocity, again.angular_velocity) = (wall.velocity, wall.angular_velocity);

@@ -2,7 +2,7 @@
 
 use super::{Corners, Following, Mesh, Steady, Wall, most_moved};
 use crate::math::{Quat, Vec3};
-use crate::particles::Library;
+use crate::population::Library;
 use crate::shape::{HalfSpace, Shape};
 use serde::{Deserialize, Serialize};
 

@@ -1,0 +1,160 @@
+//! What particles are made of before there are any: shapes with masses and materials, how sizes and orientations of new ones are
+//! distributed, how shapes are mixed, and a count of those that have come or gone by size.
+
+pub mod census;
+pub mod mix;
+pub mod orientations;
+pub mod sizes;
+
+use crate::ids::{MaterialId, ShapeId};
+use crate::math::Vec3;
+use crate::shape::Shape;
+use serde::{Deserialize, Serialize};
+use sizes::Sizes;
+
+/// Everything that particles of one shape have in common. Facets of walls stand here too, after the shapes of
+/// the particles, with the mass of their walls.
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
+pub struct Library {
+    /// Geometry.
+    pub shapes: Vec<Shape>,
+    /// Name in the scene.
+    pub names: Vec<String>,
+    /// What it is made of.
+    pub materials: Vec<MaterialId>,
+    /// Bounding radius [m].
+    pub radius: Vec<f64>,
+    /// Least radius of curvature [m].
+    pub curvature_radius: Vec<f64>,
+    /// Mass [kg].
+    pub mass: Vec<f64>,
+    /// Principal moments of inertia [kg m²].
+    pub inertia: Vec<Vec3>,
+    /// How the sizes of new particles are distributed.
+    pub sizes: Vec<Sizes>,
+    /// Least and largest scale of a particle: lengths of the particle over those of its shape [-].
+    pub scales: Vec<[f64; 2]>,
+    /// How many particles of each shape there can be at most; infinite if nothing is known [-].
+    pub most: Vec<f64>,
+    /// How many of them belong to particles; the rest are facets of walls.
+    pub particle_shapes: usize,
+}
+
+/// Mass over that of the shape, at a scale.
+#[inline]
+pub fn of_mass(scale: f64) -> f64 {
+    scale * scale * scale
+}
+
+/// Moments of inertia over those of the shape, at a scale.
+#[inline]
+pub fn of_inertia(scale: f64) -> f64 {
+    (scale * scale) * of_mass(scale)
+}
+
+impl Library {
+    /// Adds a shape; `density` in kg/m³. Returns its id. What has no volume, as a facet, has infinite mass.
+    pub fn push(
+        &mut self,
+        name: &str,
+        shape: Shape,
+        material: MaterialId,
+        density: f64,
+    ) -> ShapeId {
+        let volume = shape.volume();
+        let (mass, inertia) = if volume.is_finite() {
+            (density * volume, shape.gyration() * (density * volume))
+        } else {
+            (f64::INFINITY, Vec3::repeat(f64::INFINITY))
+        };
+        self.mass.push(mass);
+        self.inertia.push(inertia);
+        self.radius.push(shape.bounding_radius());
+        self.curvature_radius.push(shape.smallest_curvature_radius());
+        self.shapes.push(shape);
+        self.sizes.push(Sizes::default());
+        self.scales.push([1.0; 2]);
+        self.most.push(f64::INFINITY);
+        self.names.push(name.to_owned());
+        self.materials.push(material);
+        ShapeId((self.shapes.len() - 1) as u16)
+    }
+
+    /// Lets new particles of a shape have sizes of this distribution.
+    pub fn set_sizes(&mut self, shape: ShapeId, sizes: Sizes) {
+        self.scales[shape.index()] = sizes.scales();
+        self.sizes[shape.index()] = sizes;
+    }
+
+    /// Makes room for a particle of this scale.
+    pub fn admit(&mut self, shape: ShapeId, scale: f64) {
+        let [least, largest] = &mut self.scales[shape.index()];
+        (*least, *largest) = (least.min(scale), largest.max(scale));
+    }
+
+    /// May a particle have another size than its shape?
+    pub fn has_sizes(&self) -> bool {
+        self.scales.iter().any(|scales| *scales != [1.0; 2])
+    }
+
+    /// Shapes of particles with the scales that bound theirs: one if all are alike.
+    pub fn extremes(&self) -> impl Iterator<Item = (ShapeId, f64)> + '_ {
+        let of_shape = |(index, &[least, largest]): (usize, &[f64; 2])| {
+            let larger = (largest > least).then_some(largest);
+            let scales = std::iter::once(least).chain(larger);
+            scales.map(move |scale| (ShapeId(index as u16), scale))
+        };
+        self.scales[..self.particle_shapes].iter().enumerate().flat_map(of_shape)
+    }
+
+    /// How far a particle with faces can reach from a point of its surface [m]; 0 if none has any.
+    pub fn longest_with_faces(&self) -> f64 {
+        let reach = |(shape, scale): (ShapeId, f64)| {
+            let has_faces = self.shapes[shape.index()].kind().has_faces();
+            if has_faces { 2.0 * self.radius[shape.index()] * scale } else { 0.0 }
+        };
+        self.extremes().map(reach).fold(0.0, f64::max)
+    }
+
+    /// Mass of a particle of this shape and scale [kg].
+    #[inline]
+    pub fn mass_at(&self, shape: ShapeId, scale: f64) -> f64 {
+        self.mass[shape.index()] * of_mass(scale)
+    }
+
+    /// Mean mass of the new particles of a shape [kg].
+    pub fn mean_mass(&self, shape: ShapeId) -> f64 {
+        self.mass[shape.index()] * self.sizes[shape.index()].mean_volume()
+    }
+
+    /// The mean over the particles of a mix of what goes with their volume, from that of each shape.
+    pub fn mean_over(&self, mix: &mix::Mix, of_shape: impl Fn(ShapeId) -> f64) -> f64 {
+        let volume = |shape: ShapeId| self.sizes[shape.index()].mean_volume();
+        mix.shares().map(|(shape, share)| share * of_shape(shape) * volume(shape)).sum()
+    }
+
+    /// Principal moments of inertia of a particle of this shape and scale [kg m²].
+    #[inline]
+    pub fn inertia_at(&self, shape: ShapeId, scale: f64) -> Vec3 {
+        self.inertia[shape.index()] * of_inertia(scale)
+    }
+
+    /// Are mass and moments of inertia of a particle of this shape and scale within the range of numbers?
+    pub fn has_mass_at(&self, shape: ShapeId, scale: f64) -> bool {
+        self.mass_at(shape, scale).is_normal()
+            && self.inertia_at(shape, scale).iter().all(|i| i.is_normal())
+    }
+
+    /// The largest bounding radius of a particle [m].
+    pub fn largest_radius(&self) -> f64 {
+        let radius = |(shape, scale): (ShapeId, f64)| self.radius[shape.index()] * scale;
+        self.extremes().map(radius).fold(0.0, f64::max)
+    }
+
+    /// Half the thickness of the thinnest particle [m]; infinite without shapes.
+    pub fn least_inscribed_radius(&self) -> f64 {
+        let radius =
+            |(shape, scale): (ShapeId, f64)| self.shapes[shape.index()].inscribed_radius() * scale;
+        self.extremes().map(radius).fold(f64::INFINITY, f64::min)
+    }
+}
