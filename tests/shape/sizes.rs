@@ -2,14 +2,13 @@
 //! files and in what is computed from them.
 
 use crate::support::{
-    Bench, Frame, OnRanks, all_bits, begun, motion, save, save_with, scaled, scene,
+    Bench, Frame, OnRanks, all_bits, begun, motion, save, scaled, scene,
 };
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{Epa, ErodedGjk, Method, Outcome, Posed, clearance, table};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Vec3};
-use dem_mpi::output::header::Header;
 use dem_mpi::output::report::sizes::SizesOf;
 use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::ParticleTable;

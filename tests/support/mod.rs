@@ -10,7 +10,6 @@ use dem_mpi::contact::{ContactRecords, StateColumn};
 use dem_mpi::drive::SavedState;
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
-use dem_mpi::output::header::Header;
 use dem_mpi::output::snapshot;
 use dem_mpi::output::tables::ParticleTable;
 use dem_mpi::particles::columns::Quantity;
@@ -149,20 +148,8 @@ pub(crate) fn schedule(scene: &Scene, last_step: u64, out: &Path) -> Schedule {
 
 /// Writes a snapshot of this moment. Collective.
 pub(crate) fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) {
-    save_with(sim, directory, scene, |_| (), comm);
-}
-
-/// Writes a snapshot with another header. Collective.
-pub(crate) fn save_with(
-    sim: &Simulation,
-    directory: &Path,
-    scene: &Scene,
-    change: impl Fn(&mut Header),
-    comm: &mut dyn Comm,
-) {
     let forces = sim.measure(comm).wall_forces;
-    let mut header = sim.header(&scene.text, &forces, comm);
-    change(&mut header);
+    let header = sim.header(&scene.text, &forces, comm);
     let particles = sim.particle_table(comm.rank());
     let (contacts, records) = (sim.contact_table(), sim.contact_records());
     snapshot::write(directory, &header, &particles, &contacts, &records, comm).unwrap();
