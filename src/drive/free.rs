@@ -143,9 +143,6 @@ impl Running {
     }
 }
 
-/// Names [`FreeWalls`] among the drives.
-const NAME: &str = "free walls";
-
 impl Drive for FreeWalls {
     /// The limbs of force and stiffness of each wall.
     fn sums(&self, view: &View) -> Vec<i64> {
@@ -200,7 +197,7 @@ impl Observer for FreeWalls {
 
 impl Reporter for FreeWalls {
     fn name(&self) -> &'static str {
-        NAME
+        "free walls"
     }
 
     fn warnings(&mut self) -> Vec<String> {

@@ -65,8 +65,7 @@ pub struct Outlets {
     sizes: BTreeMap<ShapeId, (String, Vec<Census>)>,
 }
 
-/// Names [`Outlets`] among the drives.
-const NAME: &str = "outlets";
+// What a snapshot holds: a row for each outlet.
 const NAMES: StateColumn = StateColumn::new("name", 1, "1");
 const COUNT: StateColumn = StateColumn::new("left", 1, "1");
 const MASS: StateColumn = StateColumn::new("left_mass", 1, "kg");
@@ -161,7 +160,7 @@ impl Observer for Outlets {
 
 impl Reporter for Outlets {
     fn name(&self) -> &'static str {
-        NAME
+        "outlets"
     }
 
     fn counted(&self) -> Vec<(String, f64)> {

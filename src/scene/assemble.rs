@@ -201,7 +201,10 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
         law,
         field: Field { gravity: scene.gravity, damping: scene.global_damping },
         drives: drives(scene),
-        observers: observers(scene),
+        observers: Ledger::new(&scene.walls)
+            .map(|ledger| -> Box<dyn Observer> { Box::new(ledger) })
+            .into_iter()
+            .collect(),
         watch: Watch::new(scene.library.least_inscribed_radius()),
         found,
         active: Vec::new(),
@@ -241,14 +244,6 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
         drives.push(Box::new(FreeWalls::new(scene.free_walls.clone(), &scene.walls)));
     }
     drives
-}
-
-/// What the scene has look on and act on nothing.
-fn observers(scene: &Scene) -> Vec<Box<dyn Observer>> {
-    Ledger::new(&scene.walls)
-        .map(|ledger| -> Box<dyn Observer> { Box::new(ledger) })
-        .into_iter()
-        .collect()
 }
 
 /// What a snapshot says to a run that goes on from it.

@@ -57,8 +57,7 @@ pub struct Inlets {
     lists: Lists,
 }
 
-/// Names [`Inlets`] among the drives.
-const NAME: &str = "inlets";
+// What a snapshot holds: a row for each inlet.
 const NAMES: StateColumn = StateColumn::new("name", 1, "1");
 const COUNT: StateColumn = StateColumn::new("entered", 1, "1");
 const MASS: StateColumn = StateColumn::new("entered_mass", 1, "kg");
@@ -324,7 +323,7 @@ impl Observer for Inlets {
 
 impl Reporter for Inlets {
     fn name(&self) -> &'static str {
-        NAME
+        "inlets"
     }
 
     fn counted(&self) -> Vec<(String, f64)> {

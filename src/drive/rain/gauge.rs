@@ -33,11 +33,8 @@ const FALLEN: StateColumn = StateColumn::new("fallen", 1, "1");
 
 /// What a snapshot holds when so many particles have fallen.
 pub fn saved(fallen: u64) -> SavedState {
-    SavedState { drive: NAME.to_owned(), columns: columns(fallen) }
-}
-
-fn columns(fallen: u64) -> Vec<SavedColumn> {
-    vec![SavedColumn::counts(FALLEN, std::iter::once(fallen))]
+    let columns = vec![SavedColumn::counts(FALLEN, std::iter::once(fallen))];
+    SavedState { drive: NAME.to_owned(), columns }
 }
 
 impl RainGauge {
@@ -156,7 +153,7 @@ impl Reporter for RainGauge {
     }
 
     fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
-        columns(self.fallen)
+        saved(self.fallen).columns
     }
 
     /// In a new stage all of it falls again.

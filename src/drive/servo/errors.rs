@@ -127,7 +127,7 @@ const QUIET: f64 = 1e-3;
 struct Swings {
     /// What was missing at the last step, over the target.
     error: f64,
-    swings: u32,
+    count: u32,
     /// The error with which the swings began.
     first: f64,
     /// Has the warning been given?
@@ -139,11 +139,11 @@ impl Swings {
     fn note(&mut self, error: f64) -> bool {
         let swings = error * self.error < 0.0 && error.abs() > QUIET;
         if !swings {
-            (self.swings, self.first) = (0, error.abs());
+            (self.count, self.first) = (0, error.abs());
         }
-        self.swings += 1;
+        self.count += 1;
         self.error = error;
-        let warn = !self.warned && self.swings > SWINGS && error.abs() >= self.first;
+        let warn = !self.warned && self.count > SWINGS && error.abs() >= self.first;
         self.warned |= warn;
         warn
     }
