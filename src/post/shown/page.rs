@@ -2,16 +2,16 @@
 //! inside, no scripts), and follows the reader's light or dark setting.
 
 use super::draw::PlotError;
-use crate::post::forces::Forces;
-use crate::post::history::History;
 use super::panels::panels;
 use super::plots::{self, Plot, Width};
-use crate::post::region::Bounds;
-use crate::post::report::{Report, readable};
 use super::rose::roses;
 use super::views::Views;
 use crate::drive::servo::Target;
 use crate::output::header::WallRow;
+use crate::post::forces::Forces;
+use crate::post::history::History;
+use crate::post::region::Bounds;
+use crate::post::report::{Report, readable};
 use std::fmt::Write;
 
 /// All plots of a series, in the order of the page: those over the series, then those of its last

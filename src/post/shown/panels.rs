@@ -5,11 +5,11 @@ use super::draw::{
     Axes, BLUE, GREEN, INK, MUTED, Mark, ORANGE, PURPLE, PlotError, SIZE, Series, VERMILION, chart,
     decades, span, tick,
 };
-use crate::post::history::{Curve, History};
 use super::plots::{Plot, Width};
 use crate::cell::AXES;
 use crate::drive::servo::Target;
 use crate::output::header::WallRow;
+use crate::post::history::{Curve, History};
 use plotters::style::RGBColor;
 use std::collections::BTreeSet;
 

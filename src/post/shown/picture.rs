@@ -9,14 +9,14 @@
 //! On bodies with faces those that are seen are drawn, too, unless there are very many grains: of rounded ones what is flat
 //! of them.
 
-use crate::post::PostError;
-use crate::post::region::{Bounds, Members, Turned};
 use super::side::scale_bar;
 use crate::contact::Posed;
 use crate::ids::GlobalId;
 use crate::math::Vec3;
 use crate::output::header::Header;
 use crate::output::tables::ParticleTable;
+use crate::post::PostError;
+use crate::post::region::{Bounds, Members, Turned};
 use crate::shape::Core;
 use nalgebra::{Matrix2, Vector2};
 use std::cmp::Ordering;

@@ -1,10 +1,10 @@
 //! Plots of a snapshot and of a series; every plot can be read alone and stands in the page as well.
 
-use crate::post::coordination::{Coordination, CoordinationNumbers};
 use super::draw::{
     Axes, BLUE, INK, Mark, ORANGE, PlotError, SIZE, Series, VERMILION, chart, decades, linear,
     rule, span,
 };
+use crate::post::coordination::{Coordination, CoordinationNumbers};
 use crate::post::forces::Histogram;
 use crate::post::report::{Report, Summary, readable};
 use plotters::style::RGBColor;

@@ -4,10 +4,10 @@ use super::draw::{
     Anchor, BLUE, Canvas, FINE, GRID, INK, MUTED, ORANGE, PlotError, VERMILION, drawing, label, px,
     scientific, tick,
 };
-use crate::post::fabric::Rose;
 use super::plots::{Plot, Width};
-use crate::post::report::{Report, readable};
 use crate::math::Mat3;
+use crate::post::fabric::Rose;
+use crate::post::report::{Report, readable};
 use plotters::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 

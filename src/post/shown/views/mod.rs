@@ -8,12 +8,12 @@ mod profile;
 
 use super::draw::PlotError;
 use super::plots::Plot;
-use crate::post::region::{Bounds, Margin, Turned};
-use crate::post::{PostError, pieces};
 use crate::math::Vec3;
 use crate::output::header::Header;
 use crate::output::snapshot::Reader;
 use crate::output::tables::{ContactTable, ParticleTable};
+use crate::post::region::{Bounds, Margin, Turned};
+use crate::post::{PostError, pieces};
 use chains::Chains;
 use field::Field;
 pub use profile::{Layer, Profile};
