@@ -8,9 +8,7 @@
 //! Balls stand at random, overlapping, with 0.6 of the box as their volume: as many close pairs as in a
 //! packing. The time is the least of several repeats.
 
-#[path = "../lines.rs"]
-mod lines;
-
+use benchmarking::lines::{self, Line};
 use clap::Parser;
 use dem_mpi::cell::Cell;
 use dem_mpi::ids::{GlobalId, MaterialId, ShapeId};
@@ -21,7 +19,6 @@ use dem_mpi::population::Library;
 use dem_mpi::random::Random;
 use dem_mpi::search::close_pairs;
 use dem_mpi::shape::{Shape, Sphere};
-use lines::Line;
 use plotters::prelude::IntoLogRange;
 use std::fmt::Write;
 use std::path::PathBuf;

@@ -2,6 +2,7 @@
 
 use crate::pairs::{Pairs, direction};
 use crate::record;
+use benchmarking::machine::load;
 use dem_mpi::contact::{CommonNormal, ContactResolver, Found, Outcome};
 use dem_mpi::ids::ShapeId;
 use dem_mpi::math::Vec3;
@@ -28,7 +29,7 @@ struct Counted {
 /// Random ellipsoids of aspect ratios to 10, touching by up to 5 % of the short axis: new to each other, in a batch,
 /// and again one by one from the twelve ends of their axes.
 pub(crate) fn run(pairs: u64, folder: Option<&Path>) -> anyhow::Result<()> {
-    let before = record::load();
+    let before = load(3);
     let mut counted = Counted::default();
     while counted.pairs < pairs {
         let count = CHUNK.min(pairs - counted.pairs);

@@ -10,6 +10,8 @@ use crate::pairs::{
 };
 use crate::record;
 use anyhow::Context;
+use benchmarking::machine::load;
+use benchmarking::median;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::{ContactResolver, Epa, Outcome, Overlap, Posed};
 use dem_mpi::ids::ShapeId;
@@ -29,7 +31,7 @@ const OVERLAP: f64 = 0.02;
 
 /// Measures all, prints it, and writes `faces.csv`, `packings.csv` and `machine.txt`.
 pub(crate) fn run(effort: &Effort, folder: &Path) -> anyhow::Result<()> {
-    let before = record::load();
+    let before = load(3);
     let mut table = "solids,poses,method,ns_median,ns_quartile_1,ns_quartile_3\n".to_owned();
     println!("{:<16} {:<8} {:<12} {:>8} {:>17}", "solids", "poses", "method", "ns", "quartiles");
     for (name, shape) in solids() {
@@ -168,12 +170,8 @@ fn packings(effort: &Effort) -> anyhow::Result<String> {
             }
         }
         let mut ratios: Vec<f64> = times[0].iter().zip(&times[1]).map(|(a, b)| a / b).collect();
-        let median = |numbers: &mut Vec<f64>| {
-            numbers.sort_by(f64::total_cmp);
-            numbers[numbers.len() / 2]
-        };
         let ratio = median(&mut ratios);
-        let [by_thickness, by_epa] = times.each_mut().map(median);
+        let [by_thickness, by_epa] = times.each_mut().map(|times| median(times));
         let (least, largest) = (ratios[0], ratios[ratios.len() - 1]);
         let [on, off] = contacts;
         println!(

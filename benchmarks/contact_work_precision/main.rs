@@ -21,6 +21,7 @@ mod parry;
 mod plot;
 mod record;
 
+use benchmarking::machine::load;
 use clap::Parser;
 use measure::Effort;
 use std::path::PathBuf;
@@ -63,7 +64,7 @@ fn main() -> anyhow::Result<()> {
     if arguments.faces {
         return faces::run(&effort, &folder);
     }
-    let before = record::load();
+    let before = load(3);
     let mut contacts = Vec::new();
     let mut rejections = Vec::new();
     for grain in pairs::grains().iter().filter(|grain| grain.name.contains(&arguments.grain)) {

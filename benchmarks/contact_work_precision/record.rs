@@ -2,10 +2,10 @@
 
 use crate::measure::{Contacts, Entry, Rejections, Spread, Time};
 use anyhow::Context;
+use benchmarking::machine;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 /// What was measured on one grain.
 pub(crate) fn print(contacts: &[Contacts], rejections: &[Rejections]) {
@@ -99,12 +99,11 @@ pub(crate) fn write_file(folder: &Path, name: &str, text: &str) -> anyhow::Resul
 
 /// Processor, kernel, compiler, commit and load now.
 pub(crate) fn machine() -> String {
-    let processor = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let field = |name: &str| {
-        let line = processor.lines().find(|line| line.starts_with(name));
-        line.and_then(|line| line.split(':').nth(1)).unwrap_or("unknown").trim().to_owned()
+    let field = |name: &str| machine::processor(name).unwrap_or_else(|| "unknown".into());
+    let said = |program, arguments: &[&str]| {
+        machine::said(program, arguments).unwrap_or_else(|| "unknown".into())
     };
-    let cores = std::thread::available_parallelism().map_or(0, usize::from);
+    let cores = machine::cores();
     let features = ["avx", "avx2", "fma", "avx512f"];
     let flags = field("flags");
     let has = features.iter().filter(|f| flags.split(' ').any(|flag| flag == **f));
@@ -115,18 +114,6 @@ pub(crate) fn machine() -> String {
         said("uname", &["-sr"]),
         said("rustc", &["--version"]),
         said("git", &["describe", "--always", "--dirty"]),
-        load(),
+        machine::load(3),
     )
-}
-
-/// The load average of 1, 5 and 15 minutes.
-pub(crate) fn load() -> String {
-    let all = fs::read_to_string("/proc/loadavg").unwrap_or_default();
-    all.split(' ').take(3).collect::<Vec<_>>().join(" ")
-}
-
-fn said(program: &str, arguments: &[&str]) -> String {
-    let output = Command::new(program).args(arguments).output();
-    let text = output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned());
-    text.unwrap_or_else(|_| "unknown".into())
 }

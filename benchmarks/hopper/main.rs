@@ -9,19 +9,16 @@
 //!
 //! It fails if the rate is more than 5 % off that of Lethe. A run that was stopped goes on when it is called again with the same words.
 
-#[path = "../lines.rs"]
-mod lines;
-
 use anyhow::ensure;
+use benchmarking::lines::{self, Line};
+use benchmarking::simulate;
 use clap::Parser;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::post::errors::MeasureError;
 use dem_mpi::post::flow::{Passed, Plane, Rate, Window, through_plane};
 use dem_mpi::post::series;
-use lines::Line;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 #[derive(Parser)]
 struct Arguments {
@@ -53,9 +50,13 @@ fn main() -> anyhow::Result<()> {
     let Arguments { ranks, out, record, .. } = Arguments::parse();
     let [filled, open] = ["filled", "open"].map(|name| out.join(name));
     std::fs::create_dir_all(&out)?;
-    simulate("fill.toml", &filled, ranks, None)?;
+    let run = |scene: &str, out: &Path, set: &[&str]| {
+        let scene = Path::new(FOLDER).join(scene);
+        simulate(env!("CARGO_BIN_EXE_dem-mpi"), &scene, out, ranks, set)
+    };
+    run("fill.toml", &filled, &[])?;
     let last = series::newest(&filled)?.canonicalize()?;
-    simulate("open.toml", &open, ranks, Some(&last))?;
+    run("open.toml", &open, &[&format!("start={:?}", last.display().to_string())])?;
 
     let open_file = |path: PathBuf| -> Result<_, MeasureError> { Ok(Reader::open(&path)?) };
     let mut rows = through_plane(series::all(&open)?.into_iter().map(open_file), BELOW)?.rows;
@@ -82,26 +83,6 @@ fn main() -> anyhow::Result<()> {
         println!("by halves {:.2} and {:.2} g/s", 1e3 * early / SLICES, 1e3 * late / SLICES);
     }
     ensure!(off.abs() < TOLERANCE, "off by more than {:.0} %", 100.0 * TOLERANCE);
-    Ok(())
-}
-
-/// Runs a scene, or goes on where it was stopped.
-fn simulate(scene: &str, out: &Path, ranks: u32, start: Option<&Path>) -> anyhow::Result<()> {
-    let program = env!("CARGO_BIN_EXE_dem-mpi");
-    let mut command = Command::new(program);
-    if ranks > 1 {
-        command = Command::new(std::env::var("MPIRUN").unwrap_or_else(|_| "mpirun".to_owned()));
-        command.args(["-n", &ranks.to_string(), program]);
-    }
-    command.arg(Path::new(FOLDER).join(scene)).arg("--out").arg(out);
-    if let Some(start) = start {
-        command.args(["--set", &format!("start={:?}", start.display().to_string())]);
-    }
-    if out.join("last.vtkhdf").exists() {
-        command.arg("--start").arg(out);
-    }
-    let status = command.status()?;
-    ensure!(status.success(), "the run ended with {status}");
     Ok(())
 }
 

@@ -19,19 +19,16 @@
 //! Where the ball meets the floor chaos begins: runs of this program whose beds differ by no more than the last digit of the data part by up
 //! to 1.5 mm until 35 ms. So one run cannot tell two codes apart there; the paper takes the mean of ten, `--runs` of as many as it is told.
 
-#[path = "../lines.rs"]
-mod lines;
-
 use anyhow::{Context, ensure};
+use benchmarking::lines::{self, Line};
+use benchmarking::simulate;
 use clap::Parser;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::post::series;
 use dem_mpi::random::Random;
-use lines::Line;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::time::Instant;
 
 #[derive(Parser)]
@@ -70,6 +67,7 @@ struct Arguments {
     bench: bool,
 }
 
+const PROGRAM: &str = env!("CARGO_BIN_EXE_dem-mpi");
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benchmarks/impact");
 /// Time step of the scene [s].
 const STEP: f64 = 5e-7;
@@ -124,7 +122,7 @@ fn main() -> anyhow::Result<()> {
         let steps = ((until - begins) / step).round() as u64;
         let steps_only = format!("time.steps={steps}");
         let keys: Vec<&str> = set.iter().chain([&steps_only]).map(String::as_str).collect();
-        simulate(&scene, &folder.join("out"), *ranks, &keys)?;
+        simulate(PROGRAM, &scene, &folder.join("out"), *ranks, &keys)?;
         println!("{steps} steps on {ranks} ranks: {:.0} s", begin.elapsed().as_secs_f64());
         all.push(heights(&folder.join("out"), begins)?);
     }
@@ -202,7 +200,7 @@ fn mean(all: &[Vec<(f64, f64)>]) -> (Vec<(f64, f64)>, Vec<Option<f64>>) {
 /// Lets soft grains rain into the box until they rest.
 fn pack(grains: u64, ranks: u32, out: &Path) -> anyhow::Result<Vec<Vec3>> {
     let count = format!("fill.rain.count={grains}");
-    simulate(&Path::new(FOLDER).join("packing.toml"), out, ranks, &[&count])?;
+    simulate(PROGRAM, &Path::new(FOLDER).join("packing.toml"), out, ranks, &[&count])?;
     let reader = Reader::open(&series::newest(out)?)?;
     Ok(reader.particles(0..reader.particle_count())?.position)
 }
@@ -248,29 +246,6 @@ fn begin_or_go_on(folder: &Path, state: &str, keys: &str) -> anyhow::Result<()> 
         );
         std::fs::write(path, text)?;
     }
-    Ok(())
-}
-
-/// Runs a scene, or goes on where it was stopped.
-fn simulate(scene: &Path, out: &Path, ranks: u32, set: &[&str]) -> anyhow::Result<()> {
-    let program = env!("CARGO_BIN_EXE_dem-mpi");
-    let mut command = if ranks == 1 {
-        Command::new(program)
-    } else {
-        let mpirun = std::env::var("MPIRUN").unwrap_or_else(|_| "mpirun".to_owned());
-        let mut command = Command::new(mpirun);
-        command.args(["-n", &ranks.to_string(), program]);
-        command
-    };
-    command.arg(scene).arg("--out").arg(out);
-    if out.join("last.vtkhdf").exists() {
-        command.arg("--start").arg(out);
-    }
-    for value in set {
-        command.args(["--set", value]);
-    }
-    let status = command.status()?;
-    ensure!(status.success(), "the run ended with {status}");
     Ok(())
 }
 

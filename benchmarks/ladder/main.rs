@@ -23,6 +23,7 @@ mod phases;
 mod plain;
 
 use anyhow::{Context, anyhow, ensure};
+use benchmarking::median;
 use clap::Parser;
 use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
@@ -434,9 +435,4 @@ fn main() -> anyhow::Result<()> {
         std::fs::write(record.join("ladder.csv"), table)?;
     }
     if count { phases::count(record.as_deref()) } else { Ok(()) }
-}
-
-fn median(numbers: &mut [f64]) -> f64 {
-    numbers.sort_unstable_by(f64::total_cmp);
-    numbers[numbers.len() / 2]
 }

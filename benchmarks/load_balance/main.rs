@@ -8,13 +8,10 @@
 //! Ranks are threads of one process: the work is counted (particles and listed pairs), not timed, and
 //! is the same under MPI.
 
-#[path = "../lines.rs"]
-mod lines;
-
+use benchmarking::lines::{self, Line};
 use clap::Parser;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::scene::{Scene, assemble};
-use lines::Line;
 use std::fmt::Write;
 use std::path::PathBuf;
 

@@ -3,6 +3,8 @@
 use crate::case::{Apart, Case};
 use crate::codes::{Code, Run, Steps, own, run};
 use anyhow::ensure;
+use benchmarking::machine::load;
+use benchmarking::quartiles;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
@@ -117,8 +119,7 @@ impl Turns {
                 codes.rotate_left(1);
                 for &code in &*codes {
                     let (few, many) = (run(code, short, ranks)?, run(code, steps, ranks)?);
-                    let load = fs::read_to_string("/proc/loadavg").unwrap_or_default();
-                    let load = load.split_whitespace().next().unwrap_or("");
+                    let load = load(1);
                     writeln!(
                         csv,
                         "{ranks},{round},{},{steps},{},{},{short},{},{load}",
@@ -166,17 +167,6 @@ fn compare(case: &Case, codes: &[Code]) -> anyhow::Result<()> {
     }
     println!();
     Ok(())
-}
-
-/// Quartiles.
-fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
-    values.sort_by(f64::total_cmp);
-    let last = (values.len() - 1) as f64;
-    [0.25, 0.5, 0.75].map(|part| {
-        let at = part * last;
-        let (low, high) = (values[at.floor() as usize], values[at.ceil() as usize]);
-        low + (high - low) * at.fract()
-    })
 }
 
 /// Medians over the rounds.

@@ -1,4 +1,4 @@
-"""Curves of records from their tables, in the look of `benchmarks/lines.rs`. Python 3.9 alone is enough.
+"""Curves of records from their tables, in the look of `benchmarks/benchmarking/src/lines.rs`. Python 3.9 alone is enough.
 
     python3 benchmarks/records/plot.py benchmarks/records/2026-11-drum ...
 

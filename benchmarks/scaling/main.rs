@@ -12,16 +12,14 @@
 //! on 1 to 64 ranks, as threads of one process. Predicted: everything beyond, by `model.rs`.
 
 mod counted;
-#[path = "../lines.rs"]
-mod lines;
 mod measured;
 mod model;
 mod packing;
 
+use benchmarking::lines::{self, Line};
 use clap::Parser;
 use counted::{BYTES, CONTACTS, GHOSTS, MESSAGES, MIGRATED, NAMES, PARTICLES, REDUCTIONS, Run};
 use dem_mpi::comm::threads;
-use lines::Line;
 use measured::{PHASES, Task, Timed};
 use model::{Costs, Laws, Surface};
 use packing::{CELL, Packing, arranged, settled};

@@ -3,6 +3,7 @@
 
 use crate::packing::{CELL, Packing, settled};
 use anyhow::{Context, ensure};
+use benchmarking::median;
 use clap::ValueEnum;
 use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
@@ -235,10 +236,8 @@ fn time_snapshots(task: Task, comm: &mut dyn Comm) -> anyhow::Result<[f64; 3]> {
     let mut bytes = [share.len() as i64];
     comm.sum(&mut bytes);
     let bytes = bytes[0] as f64;
-    let [snapshot, plain] = times.map(|mut times| {
-        times.sort_by(f64::total_cmp);
-        times.get(times.len() / 2).copied().unwrap_or(0.0)
-    });
+    let [snapshot, plain] =
+        times.map(|mut times| if times.is_empty() { 0.0 } else { median(&mut times) });
     Ok([bytes, snapshot, plain])
 }
 

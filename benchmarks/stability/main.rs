@@ -18,11 +18,10 @@ mod rows;
 mod scene;
 
 use anyhow::Context;
+use benchmarking::in_parallel;
 use cell::{Cell, Finding, Outcome};
 use clap::Parser;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 #[derive(Parser)]
 struct Arguments {
@@ -68,32 +67,14 @@ fn main() -> anyhow::Result<()> {
 
 /// Runs all cells, as many at once as there are cores.
 fn run(cells: &[Cell], folder: &Path) -> anyhow::Result<Vec<Finding>> {
-    let next = AtomicUsize::new(0);
-    let found = Mutex::new(Vec::new());
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                loop {
-                    let k = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(cell) = cells.get(k) else { break };
-                    let finding = cell::find(cell, &folder.join(k.to_string()));
-                    if let Ok(Finding { outcome, seconds, .. }) = &finding {
-                        eprintln!(
-                            "{}, {}: {}, {seconds:.2} s",
-                            cell.row,
-                            cell.value,
-                            outcome.name()
-                        );
-                    }
-                    found.lock().unwrap_or_else(PoisonError::into_inner).push((k, finding));
-                }
-            });
+    let found = in_parallel(cells, |k, cell| {
+        let finding = cell::find(cell, &folder.join(k.to_string()));
+        if let Ok(Finding { outcome, seconds, .. }) = &finding {
+            eprintln!("{}, {}: {}, {seconds:.2} s", cell.row, cell.value, outcome.name());
         }
+        finding
     });
-    let mut found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
-    found.sort_by_key(|(k, _)| *k);
-    found.into_iter().map(|(_, finding)| finding).collect()
+    found.into_iter().collect()
 }
 
 fn print(cells: &[Cell], findings: &[Finding]) {

@@ -1,13 +1,10 @@
 //! Scenes of a few grains, as a user would write them.
 
-#[path = "../grains.rs"]
-mod grains;
+pub(crate) use benchmarking::grains::Grain;
 
-pub(crate) use grains::Grain;
-
+use benchmarking::grains::{csv, list};
 use dem_mpi::math::Vec3;
 use dem_mpi::scene::Scene as Checked;
-use grains::{csv, list};
 use std::fmt::Write;
 
 /// Radius of most balls [m].

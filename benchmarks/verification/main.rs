@@ -12,15 +12,13 @@
 //! convergence stand beside this program's.
 
 mod cases;
-#[path = "../lines.rs"]
-mod lines;
 mod outside;
 mod table;
 
 use anyhow::Context;
+use benchmarking::lines::{self, Line};
 use cases::{Effort, Picture};
 use clap::Parser;
-use lines::Line;
 use plotters::prelude::IntoLogRange;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

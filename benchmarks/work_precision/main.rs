@@ -21,20 +21,17 @@
 //! on the machine shows only as far as it takes caches away.
 
 mod advice;
-#[path = "../lines.rs"]
-mod lines;
 mod runs;
 mod suggested;
 
 use anyhow::Context;
+use benchmarking::lines::{self, Line};
+use benchmarking::{in_parallel, median};
 use clap::Parser;
-use lines::Line;
 use plotters::prelude::IntoLogRange;
 use runs::{Kind, Outcome, Packing, Setting};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 #[derive(Parser)]
 struct Arguments {
@@ -206,20 +203,11 @@ fn main() -> anyhow::Result<()> {
 
 /// Runs all packings, as many at once as there are cores.
 fn run_all(quick: bool, tasks: &[(Kind, u64)], folder: &Path) -> anyhow::Result<Vec<Studied>> {
-    let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some(&(kind, seed)) = tasks.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let studied = study(&Plan::of(kind, quick), kind, seed, folder);
-                    let studied = studied.with_context(|| format!("{}, seed {seed}", kind.name()));
-                    found.lock().expect("no thread has panicked").push(studied);
-                }
-            });
-        }
-    });
-    found.into_inner()?.into_iter().collect()
+    let study = |_, &(kind, seed): &(Kind, u64)| {
+        let studied = study(&Plan::of(kind, quick), kind, seed, folder);
+        studied.with_context(|| format!("{}, seed {seed}", kind.name()))
+    };
+    in_parallel(tasks, study).into_iter().collect()
 }
 
 fn study(plan: &Plan, kind: Kind, seed: u64, folder: &Path) -> anyhow::Result<Studied> {
@@ -263,10 +251,11 @@ fn spread(studied: &[&Studied]) -> Errors {
 fn rows(plan: &Plan, kind: Kind, studied: &[&Studied]) -> Vec<Row> {
     let of_variant = |k: usize, variant: Variant| {
         let runs = studied.iter().map(|s| (&s.variants[k].1, &s.converged));
-        let seconds = median(runs.clone().map(|(run, _)| run.seconds).collect());
+        let seconds = median(&mut runs.clone().map(|(run, _)| run.seconds).collect::<Vec<_>>());
         let errors: Vec<Errors> = runs.map(|(run, best)| Errors::between(run, best)).collect();
-        let over_all = |of: fn(Vec<f64>) -> f64| {
-            let of = |column: fn(&Errors) -> f64| of(errors.iter().map(column).collect());
+        let over_all = |of: fn(&mut [f64]) -> f64| {
+            let of =
+                |column: fn(&Errors) -> f64| of(&mut errors.iter().map(column).collect::<Vec<_>>());
             Errors {
                 stress: of(|e| e.stress),
                 coordination: of(|e| e.coordination),
@@ -274,7 +263,7 @@ fn rows(plan: &Plan, kind: Kind, studied: &[&Studied]) -> Vec<Row> {
                 missing: of(|e| e.missing),
             }
         };
-        let largest = over_all(|values| values.into_iter().fold(0.0, f64::max));
+        let largest = over_all(|values| values.iter().copied().fold(0.0, f64::max));
         let is_another_packing = variant.setting.stiffness != 1.0;
         let median = if is_another_packing {
             let missing = over_all(median).missing;
@@ -304,11 +293,6 @@ fn mean(studied: &[&Studied], of: impl Fn(&Studied) -> &Outcome) -> Outcome {
         missing: over_all(|outcome| outcome.missing),
         ..of(studied[0]).clone()
     }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_unstable_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 const TABLE: &str = "kind,what,value,seconds,pareto,stress_median,stress_largest,coordination_median,\

@@ -9,11 +9,11 @@
 
 use super::runs::{parsed, ran};
 use anyhow::{Context, ensure};
+use benchmarking::in_parallel;
 use dem_mpi::scene::suggest::{Answer, Expected, Question, Suggestion, Trials, Variant, suggest};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicUsize;
 
 /// Errors that are asked for.
 const ASKED: [f64; 2] = [0.05, 0.01];
@@ -167,21 +167,11 @@ pub(crate) fn hold(only: &str, quick: bool, record: &Path, scratch: &Path) -> an
     let cases = Case::ALL.into_iter().filter(|case| case.name().contains(only));
     let tasks: Vec<(Case, u64)> =
         cases.flat_map(|case| seeds.clone().map(move |seed| (case, seed))).collect();
-    let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some(&(case, seed)) = tasks.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let folder = scratch.join(format!("{}_{seed}", case.name()));
-                    let rows = tried(case, seed, &folder);
-                    let rows = rows.with_context(|| format!("{}, seed {seed}", case.name()));
-                    found.lock().expect("no thread has panicked").push(rows);
-                }
-            });
-        }
+    let found = in_parallel(&tasks, |_, &(case, seed)| {
+        let rows = tried(case, seed, &scratch.join(format!("{}_{seed}", case.name())));
+        rows.with_context(|| format!("{}, seed {seed}", case.name()))
     });
-    let found: Vec<Vec<Row>> = found.into_inner()?.into_iter().collect::<anyhow::Result<_>>()?;
+    let found: Vec<Vec<Row>> = found.into_iter().collect::<anyhow::Result<_>>()?;
     let mut rows: Vec<Row> = found.into_iter().flatten().collect();
     rows.sort_by(|a, b| (a.case.name(), a.seed).cmp(&(b.case.name(), b.seed)));
     let table = table(&rows)?;

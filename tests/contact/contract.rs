@@ -1,6 +1,7 @@
 //! What every contact resolver promises, on random pairs: a new resolver is added to [`resolvers`] and
 //! has to pass. Cases come from a seed and a number, both in the message of a failure.
 
+use crate::support::placed::Case;
 use crate::support::random::Draw;
 use crate::support::{Frame, scaled};
 use dem_mpi::contact::{
@@ -153,35 +154,12 @@ impl Family {
     }
 }
 
-/// Two bodies in place.
-#[derive(Clone)]
-struct Case {
-    a: (Shape, Mat3),
-    b: (Shape, Mat3),
-    r: Vec3,
-}
-
 impl Case {
     /// Random bodies with this overlap, or clearance if negative, along a random common normal.
     fn with_overlap(family: Family, random: &mut Random, overlap: f64) -> Self {
         let a = (family.shape(random), random.frame());
         let b = (family.shape(random), random.frame());
-        let mut case = Self { a, b, r: Vec3::zeros() };
-        let normal = random.direction();
-        case.r = case.a().support(&normal) - case.b().support(&-normal) - normal * overlap;
-        case
-    }
-
-    fn a(&self) -> Posed<'_> {
-        Posed::new(&self.a.0, &self.a.1)
-    }
-
-    fn b(&self) -> Posed<'_> {
-        Posed::new(&self.b.0, &self.b.1)
-    }
-
-    fn resolve(&self, resolver: &dyn ContactResolver, warm: Option<&Vec3>) -> Outcome {
-        resolver.touch(&self.a(), &self.b(), &self.r, warm)
+        Self::of(a, b, random, overlap)
     }
 
     fn touch(&self, resolver: &dyn ContactResolver) -> Touch {

@@ -2,6 +2,7 @@
 
 use crate::support::random::Draw;
 use crate::support::{Frame, MATERIAL, begun, below, scene};
+use benchmarking::solids;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::{ContactResolver, Outcome, Overlap, Posed, Thickness, thickness};
 use dem_mpi::math::{Mat3, Vec3, rotation_about};
@@ -19,39 +20,20 @@ pub(crate) fn solid(corners: &[Vec3]) -> Shape {
 
 /// With these full edges.
 pub(crate) fn cuboid(edges: Vec3) -> Shape {
-    let corner = |k: u32| {
-        Vec3::from_fn(|i, _| if k >> i & 1 == 1 { 0.5 * edges[i] } else { -0.5 * edges[i] })
-    };
-    solid(&(0..8).map(corner).collect::<Vec<_>>())
-}
-
-fn icosahedron() -> Shape {
-    let golden = 0.5 * (1.0 + 5_f64.sqrt());
-    let corner = |k: u32| {
-        let sign = |bit: u32| if k >> bit & 1 == 1 { 0.5 } else { -0.5 };
-        let (one, other) = (sign(0), sign(1) * golden);
-        match k >> 2 {
-            0 => Vec3::new(0.0, one, other),
-            1 => Vec3::new(one, other, 0.0),
-            _ => Vec3::new(other, 0.0, one),
-        }
-    };
-    solid(&(0..12).map(corner).collect::<Vec<_>>())
+    solid(&solids::cuboid(edges))
 }
 
 /// Boxes, a plate, an irregular tetrahedron, an octahedron, an icosahedron.
 pub(crate) fn solids() -> Vec<Shape> {
-    let tetrahedron =
-        [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.9, -0.1], [0.3, 0.2, 0.8]].map(Vec3::from);
     let octahedron: Vec<Vec3> =
         (0..6).map(|k| Vec3::ith(k / 2, if k % 2 == 0 { 0.7 } else { -0.7 })).collect();
     vec![
         cuboid(Vec3::new(1.0, 0.8, 0.6)),
         cuboid(Vec3::new(1.0, 1.0, 1.0)),
         cuboid(Vec3::new(1.0, 1.0, 0.1)),
-        solid(&tetrahedron),
+        solid(&solids::tetrahedron()),
         solid(&octahedron),
-        icosahedron(),
+        solid(&solids::icosahedron()),
     ]
 }
 

@@ -1,6 +1,7 @@
 //! Superellipsoids and poly-superellipsoids: geometry against closed forms, differences and sampling; their
 //! common normal against answers of 50 digits and against EPA; and a packing of them.
 
+use crate::support::placed::Case;
 use crate::support::random::Draw;
 use crate::support::{Bench, Frame, OnRanks, begun, save, scene};
 use dem_mpi::comm::threads;
@@ -314,34 +315,10 @@ fn condition(a: &Posed, b: &Posed, normal: &Vec3, overlap: f64) -> (f64, f64) {
     (lifted.symmetric_eigenvalues().min() - overlap, radii)
 }
 
-/// Two bodies in place.
-struct Case {
-    a: (Shape, Mat3),
-    b: (Shape, Mat3),
-    r: Vec3,
-}
-
-impl Case {
-    /// These shapes, turned at random, with this overlap along a random normal; the least may be less.
-    fn new(random: &mut Random, a: &Shape, b: &Shape, overlap: f64) -> Self {
-        let (a, b) = ((a.clone(), random.frame()), (b.clone(), random.frame()));
-        let mut case = Self { a, b, r: Vec3::zeros() };
-        let normal = random.direction();
-        case.r = case.a().support(&normal) - case.b().support(&-normal) - normal * overlap;
-        case
-    }
-
-    fn a(&self) -> Posed<'_> {
-        Posed::new(&self.a.0, &self.a.1)
-    }
-
-    fn b(&self) -> Posed<'_> {
-        Posed::new(&self.b.0, &self.b.1)
-    }
-
-    fn resolve(&self, resolver: &dyn ContactResolver) -> Outcome {
-        resolver.touch(&self.a(), &self.b(), &self.r, None)
-    }
+/// These shapes, turned at random, with this overlap along a random normal; the least may be less.
+fn turned(random: &mut Random, a: &Shape, b: &Shape, overlap: f64) -> Case {
+    let (a, b) = ((a.clone(), random.frame()), (b.clone(), random.frame()));
+    Case::of(a, b, random, overlap)
 }
 
 /// Every pair is answered, nearly all by Newton's method itself, and the answer is the least overlap: to
@@ -369,15 +346,15 @@ fn as_deep_as_epa_says() {
             let mut random = Random::of(i as u64, 0);
             let overlap = random.between(1e-9, 0.05);
             let (a, b) = (&shapes_a[i % shapes_a.len()], &shapes_b[i / 3 % shapes_b.len()]);
-            let case = Case::new(&mut random, a, b, overlap);
+            let case = turned(&mut random, a, b, overlap);
             passed_on +=
-                usize::from(matches!(case.resolve(&SmoothCommonNormal), Outcome::Failed(_)));
-            let exact = match case.resolve(&Epa::new(1e-11)) {
+                usize::from(matches!(case.resolve(&SmoothCommonNormal, None), Outcome::Failed(_)));
+            let exact = match case.resolve(&Epa::new(1e-11), None) {
                 Outcome::Touching(touch) => touch.overlap,
                 Outcome::Apart(_) => 0.0,
                 Outcome::Failed(_) => continue,
             };
-            let found = match case.resolve(chain) {
+            let found = match case.resolve(chain, None) {
                 Outcome::Touching(touch) => touch.overlap,
                 Outcome::Apart(_) => 0.0,
                 Outcome::Failed(why) => panic!("{of_a:?} {of_b:?}, {i}: {why:?}"),
@@ -415,8 +392,8 @@ fn no_deeper_than_along_any_direction() {
             for i in 0..PAIRS {
                 let mut random = Random::of(i, k as u64);
                 let overlap = random.between(1e-6, 0.05);
-                let case = Case::new(&mut random, a, b, overlap);
-                if let Outcome::Touching(touch) = case.resolve(chain) {
+                let case = turned(&mut random, a, b, overlap);
+                if let Outcome::Touching(touch) = case.resolve(chain, None) {
                     assert!(
                         touch.overlap <= overlap + 1e-7,
                         "{exponents:?} and partner {k}, {i}: {} of {overlap}",
@@ -461,7 +438,7 @@ fn the_last_digits_do_not_leave_the_contact() {
     };
     let method = table(&Method::Auto, &Kind::ALL);
     let chain = method.get((Kind::Superellipsoid, Kind::Spherocylinder)).unwrap();
-    let overlap = |resolver: &dyn ContactResolver| match case.resolve(resolver) {
+    let overlap = |resolver: &dyn ContactResolver| match case.resolve(resolver, None) {
         Outcome::Touching(touch) => touch.overlap,
         other => panic!("{other:?}"),
     };
@@ -566,7 +543,7 @@ fn crests_are_not_passed_through() {
                 .matrix()
         };
         let case = Case { a: (a, frame(turn_a)), b: (b, frame(turn_b)), r };
-        let overlap = |resolver: &dyn ContactResolver| match case.resolve(resolver) {
+        let overlap = |resolver: &dyn ContactResolver| match case.resolve(resolver, None) {
             Outcome::Touching(touch) => touch.overlap,
             Outcome::Apart(_) => 0.0,
             Outcome::Failed(why) => panic!("{expected:e}: {why:?}"),
@@ -587,9 +564,9 @@ fn bits_are_pinned() {
         let mut random = Random::of(i as u64, 0);
         let other = octants(random.vector(0.5, 1.5), random.vector(0.5, 1.5), [0.7, 1.2]);
         for shape in shapes(&mut random, exponents) {
-            let case = Case::new(&mut random, &shape, &other, 0.03);
+            let case = turned(&mut random, &shape, &other, 0.03);
             if let Outcome::Touching(Touch { overlap, normal, point }) =
-                case.resolve(&SmoothCommonNormal)
+                case.resolve(&SmoothCommonNormal, None)
             {
                 [overlap].iter().chain(&normal).chain(&point).for_each(|&x| add(x));
             }
@@ -610,7 +587,11 @@ fn exponents_of_one_are_ellipsoids() {
         let case = Case { a, b, r };
         let [a, b] = axes.map(|semi_axes| Shape::Ellipsoid(Ellipsoid { semi_axes }));
         let same = Case { a: (a, case.a.1), b: (b, case.b.1), r };
-        assert_eq!(case.resolve(&SmoothCommonNormal), same.resolve(&CommonNormal), "{i}");
+        assert_eq!(
+            case.resolve(&SmoothCommonNormal, None),
+            same.resolve(&CommonNormal, None),
+            "{i}"
+        );
         assert_eq!(case.a.0.smallest_curvature_radius(), same.a.0.smallest_curvature_radius());
     }
 }
@@ -632,7 +613,7 @@ fn aligned_bodies() {
                     let frame = Mat3::identity();
                     let body = (shape.clone(), frame);
                     let case = Case { a: body.clone(), b: body, r };
-                    let found = case.resolve(chain);
+                    let found = case.resolve(chain, None);
                     let good = match &found {
                         Outcome::Touching(t) => {
                             t.overlap > 0.0

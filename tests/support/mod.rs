@@ -2,6 +2,7 @@
 
 pub(crate) mod made_up;
 pub(crate) mod packings;
+pub(crate) mod placed;
 pub(crate) mod random;
 
 use dem_mpi::comm::alone::Alone;
@@ -468,6 +469,22 @@ impl Bench {
     pub(crate) fn slot(&self, id: u64) -> usize {
         let ids = &self.sim.particles.id[..self.sim.particles.owned];
         ids.iter().position(|&other| other == GlobalId(id)).expect("the particle is there")
+    }
+}
+
+/// A ball that is pulled along x by a part of the acceleration [m/s²] that friction bears: it stays below it, and slides beyond, held back by it.
+pub(crate) fn slides_beyond(mut bench: Bench, part: f64, limit: f64, steps: u32) {
+    let mut after_steps = || {
+        (0..steps).for_each(|_| bench.step());
+        bench.sim.particles.velocity[0].x
+    };
+    let before = after_steps();
+    let gained = after_steps() - before;
+    let all = limit * f64::from(steps) * bench.sim.dt;
+    if part > 1.0 {
+        close(gained, (part - 1.0) * all, 1e-3, "acceleration");
+    } else {
+        assert!(gained.abs() < 1e-3 * all, "{gained:e} m/s");
     }
 }
 

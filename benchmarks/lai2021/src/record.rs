@@ -1,6 +1,7 @@
 //! What is kept of a part of the study: its files, and in `machine.txt` where they come from.
 
 use anyhow::{Context, Result};
+use benchmarking::machine::{cores, processor, said};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -38,33 +39,19 @@ pub fn machine(command: &str, more: &str) -> String {
             output("git", &["rev-parse", "HEAD"]) + if is_committed { "" } else { " and changes" },
         ),
         ("date", output("date", &["--utc", "+%F"])),
-        ("machine", format!("{}, {} cores{more}", processor(), cores())),
+        (
+            "machine",
+            format!("{}, {} cores{more}", processor("model name").unwrap_or_default(), cores()),
+        ),
         ("system", format!("{} {}", kernel("ostype"), kernel("osrelease"))),
         ("compiler", format!("{}, {flags}", output("rustc", &["--version"]))),
     ];
     lines.map(|(what, is)| format!("{what:<8} {is}\n")).concat()
 }
 
-/// Processors that this process may use.
-pub fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
-}
-
-/// What the machine had to do in the last minute, in processes that wanted a processor.
-pub fn load() -> String {
-    let text = fs::read_to_string("/proc/loadavg").unwrap_or_default();
-    text.split(' ').next().unwrap_or_default().to_owned()
-}
-
 /// The short hash of the commit that is checked out, if there is one.
 pub fn short_commit() -> Option<String> {
     Some(output("git", &["log", "-1", "--format=%h"])).filter(|hash| !hash.is_empty())
-}
-
-fn processor() -> String {
-    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
-    name.map_or_else(String::new, |(_, name)| name.to_owned())
 }
 
 fn kernel(what: &str) -> String {
@@ -74,7 +61,5 @@ fn kernel(what: &str) -> String {
 
 /// What a program prints; empty if it is not there or fails.
 fn output(program: &str, arguments: &[&str]) -> String {
-    let output = Command::new(program).args(arguments).output();
-    let output = output.ok().filter(|output| output.status.success());
-    output.map_or_else(String::new, |o| String::from_utf8_lossy(&o.stdout).trim().to_owned())
+    said(program, arguments).unwrap_or_default()
 }

@@ -1,6 +1,6 @@
 //! Runs of dem-mpi under mpirun, which end with this program by a snapshot.
 
-use crate::record::cores;
+use benchmarking::machine::cores;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::fs::File;
 use std::io::{self, PipeReader, Read, Write};

@@ -2,6 +2,8 @@
 
 use super::setup::{begun, poured};
 use super::{Case, Effort, Findings, Grain, Plane, Setup};
+pub(super) use benchmarking::solids::cuboid;
+use benchmarking::solids::{icosahedron, tetrahedron};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::Posed;
 use dem_mpi::math::{Quat, Vec3, rotation_about};
@@ -33,11 +35,6 @@ pub(super) struct Solid {
     pub(super) radius: f64,
 }
 
-pub(super) fn cuboid(edges: Vec3) -> Vec<Vec3> {
-    let side = |k: u32, i: usize| if k >> i & 1 == 1 { 0.5 * edges[i] } else { -0.5 * edges[i] };
-    (0..8).map(|k| Vec3::from_fn(|i, _| side(k, i))).collect()
-}
-
 pub(super) fn boxes() -> Solid {
     Solid { name: "boxes", corners: cuboid(Vec3::new(1.0, 0.8, 0.6)), radius: 0.0 }
 }
@@ -48,24 +45,12 @@ pub(super) fn rods() -> Solid {
 
 pub(super) fn solids() -> Vec<Solid> {
     let sharp = |name, corners| Solid { name, corners, radius: 0.0 };
-    let golden = 0.5 * (1.0 + 5_f64.sqrt());
-    let corner = |k: u32| {
-        let sign = |bit: u32| if k >> bit & 1 == 1 { 0.5 } else { -0.5 };
-        let (one, other) = (sign(0), sign(1) * golden);
-        match k >> 2 {
-            0 => Vec3::new(0.0, one, other),
-            1 => Vec3::new(one, other, 0.0),
-            _ => Vec3::new(other, 0.0, one),
-        }
-    };
-    let tetrahedron =
-        [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.9, -0.1], [0.3, 0.2, 0.8]].map(Vec3::from);
     let octahedron = (0..6).map(|k| Vec3::ith(k % 3, if k < 3 { 0.7 } else { -0.7 })).collect();
     vec![
         boxes(),
-        sharp("tetrahedra", tetrahedron.to_vec()),
+        sharp("tetrahedra", tetrahedron()),
         sharp("octahedra", octahedron),
-        sharp("icosahedra", (0..12).map(corner).collect()),
+        sharp("icosahedra", icosahedron()),
         sharp("plates 10:1", cuboid(Vec3::new(1.0, 1.0, 0.1))),
         rods(),
         Solid { name: "rounded boxes", corners: cuboid(Vec3::new(0.8, 0.6, 0.4)), radius: 0.1 },

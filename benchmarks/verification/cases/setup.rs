@@ -1,11 +1,9 @@
 //! A few grains and planes as a user would write them: a scene's text and a file of particles, run through the
 //! program's library.
 
-#[path = "../../grains.rs"]
-mod grains;
+pub(crate) use benchmarking::grains::Grain;
 
-pub(crate) use grains::Grain;
-
+use benchmarking::grains::{csv, list};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::Posed;
@@ -14,7 +12,6 @@ use dem_mpi::post::picture::Picture;
 use dem_mpi::random::Random;
 use dem_mpi::scene::{Scene, assemble};
 use dem_mpi::sim::{Simulation, StepError};
-use grains::{csv, list};
 use std::fmt::Write;
 
 /// A plane wall at rest.

@@ -16,8 +16,9 @@ pub mod report;
 pub mod statistics;
 pub mod study;
 
-use crate::record::{load, machine, store};
+use crate::record::{machine, store};
 use anyhow::Result;
+use benchmarking::machine::load;
 use clap::Args;
 use dem_mpi::contact::Why;
 use dem_mpi::post::draw::PlotError;
@@ -48,7 +49,7 @@ impl Plan {
     /// See [`StudyError`]; files that cannot be written.
     pub fn run(&self, out: &Path) -> Result<()> {
         store(out, &regenerate(self)?)?;
-        let text = machine(&self.command(), &format!(", load {}", load()));
+        let text = machine(&self.command(), &format!(", load {}", load(1)));
         print!("{text}");
         store(out, &[(MACHINE.into(), text)])
     }

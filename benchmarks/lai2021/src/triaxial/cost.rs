@@ -6,6 +6,7 @@ use crate::packed::Packed;
 use crate::record::store;
 use crate::simulation::{Signals, absolute, dem_mpi, run};
 use anyhow::{Context, Result};
+use benchmarking::quartiles;
 use clap::Args;
 use dem_mpi::output::performance::Performance;
 use dem_mpi::pairs::{Pairs, resolve, time};
@@ -159,7 +160,7 @@ impl State {
 
     fn row(&self, table: &mut String) {
         let Some(last) = self.rounds.last() else { return };
-        let median = |pick: fn(&Round) -> f64| median(self.rounds.iter().map(pick).collect());
+        let median = |pick: fn(&Round) -> f64| quartiles(self.rounds.iter().map(pick).collect())[1];
         // Contacts with walls, which have closed forms, cost next to nothing.
         let touching = self.touching.len() as f64;
         let among = touching / (last.ends - touching);
@@ -175,11 +176,4 @@ impl State {
             step / predicted_step,
         );
     }
-}
-
-/// Of at least one value.
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let (low, high) = (values[(values.len() - 1) / 2], values[values.len() / 2]);
-    f64::midpoint(low, high)
 }

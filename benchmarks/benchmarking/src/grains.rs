@@ -1,48 +1,51 @@
 //! Grains at the start of a scene, and the file that has them.
 
-use dem_mpi::math::{Quat, Vec3};
+use dem_grains::math::{Quat, Vec3};
 use std::fmt::Write;
 
 /// A grain at the start.
 #[derive(Clone, Debug)]
-pub(crate) struct Grain {
+pub struct Grain {
     /// Name of its shape.
-    pub(crate) shape: &'static str,
+    pub shape: &'static str,
     /// Centre [m].
-    pub(crate) position: Vec3,
+    pub position: Vec3,
     /// Velocity [m/s].
-    pub(crate) velocity: Vec3,
+    pub velocity: Vec3,
     /// Body to world.
-    pub(crate) orientation: Quat,
+    pub orientation: Quat,
     /// Angular velocity, world axes [rad/s].
-    pub(crate) spin: Vec3,
+    pub spin: Vec3,
 }
 
 impl Grain {
     /// At rest and upright.
-    pub(crate) fn at(shape: &'static str, position: impl Into<Vec3>) -> Self {
+    pub fn at(shape: &'static str, position: impl Into<Vec3>) -> Self {
         let (velocity, spin) = (Vec3::zeros(), Vec3::zeros());
         Self { shape, position: position.into(), velocity, orientation: Quat::identity(), spin }
     }
 
     /// With this velocity [m/s].
-    pub(crate) fn moving(self, velocity: impl Into<Vec3>) -> Self {
+    #[must_use]
+    pub fn moving(self, velocity: impl Into<Vec3>) -> Self {
         Self { velocity: velocity.into(), ..self }
     }
 
     /// With this angular velocity in world axes [rad/s].
-    pub(crate) fn spinning(self, spin: impl Into<Vec3>) -> Self {
+    #[must_use]
+    pub fn spinning(self, spin: impl Into<Vec3>) -> Self {
         Self { spin: spin.into(), ..self }
     }
 
     /// Turned so.
-    pub(crate) fn turned(self, orientation: Quat) -> Self {
+    #[must_use]
+    pub fn turned(self, orientation: Quat) -> Self {
         Self { orientation, ..self }
     }
 }
 
 /// The text of a file of particles, in the order of their ids.
-pub(crate) fn csv(grains: &[Grain]) -> String {
+pub fn csv(grains: &[Grain]) -> String {
     let mut text = "shape,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n".to_owned();
     for grain in grains {
         let q = grain.orientation.coords;
@@ -55,6 +58,6 @@ pub(crate) fn csv(grains: &[Grain]) -> String {
 }
 
 /// A vector as TOML has it.
-pub(crate) fn list(v: &Vec3) -> String {
+pub fn list(v: &Vec3) -> String {
     format!("[{:e}, {:e}, {:e}]", v.x, v.y, v.z)
 }

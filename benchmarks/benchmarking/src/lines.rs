@@ -17,13 +17,18 @@ const COLOURS: [RGBColor; 6] = [
 ];
 
 /// A line and its name.
-pub(crate) struct Line {
-    pub(crate) name: String,
-    pub(crate) points: Vec<(f64, f64)>,
+pub struct Line {
+    /// As the legend has it.
+    pub name: String,
+    /// Along both axes.
+    pub points: Vec<(f64, f64)>,
 }
 
 /// Draws lines over two axes, and their points where they are few.
-pub(crate) fn draw<X, Y>(
+///
+/// # Errors
+/// If it cannot be drawn or written.
+pub fn draw<X, Y>(
     path: &Path,
     [across, up]: [&str; 2],
     x: X,
