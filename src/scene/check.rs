@@ -6,12 +6,13 @@
 use super::before;
 use super::fills::Fills;
 use super::flows;
-use super::input::Node;
+use super::form;
 use super::jumps;
 use super::laws;
 use super::matter::Shapes;
 use super::mistakes::Mistakes;
-use super::reader::{Given, Range, Section};
+use super::parts::{Need, Whole};
+use super::reader::{Given, Section};
 use super::room::Room;
 use super::walls::Walls;
 use super::{Fill, Inlet, Method, Rain, Scene, Stop};
@@ -26,7 +27,7 @@ use crate::math::{Vec3, printed_limit};
 use crate::particles::Library;
 use crate::sim::audit::Settings as Audit;
 use crate::sim::steps_of;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Skin, in largest bounding radii, if the file does not say.
 const SKIN: f64 = 0.1;
@@ -40,35 +41,28 @@ const ORDER_EVERY: u64 = 5000;
 /// As many shapes and walls as have ids.
 const MOST_IDS: usize = 1 << u16::BITS;
 
-/// Which files that a scene names must be there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Need<'a> {
-    AllFiles,
-    /// All but the snapshot from which the stage begins: it goes on from this one of its own.
-    Snapshot(&'a Path),
-}
-
 /// The checked scene, or `None` if the report has mistakes.
 pub(super) fn scene(
-    root: &Node,
+    Whole { root, folder, text }: Whole,
     mistakes: &Mistakes,
     file: &str,
-    folder: &Path,
-    text: String,
     need: Need,
 ) -> Option<Scene> {
-    let root = Given::root(root, mistakes).section()?;
+    let folder = &*folder;
+    let root = Given::root(&root, mistakes);
+    form::check(&root);
+    let root = root.section()?;
     let title = root.read_or("title", file.to_owned(), |given| given.text().map(str::to_owned));
-    let seed = root.read_or("seed", 1, |given| given.whole(0));
-    let gravity = root.vector_or("gravity", Vec3::zeros(), "m/s2");
-    let global_damping = root.number_or("global_damping", 0.0, Range::NotNegative, "1/s");
+    let seed = root.whole_or("seed", 1);
+    let gravity = root.vector_or("gravity", Vec3::zeros());
+    let global_damping = root.number_or("global_damping", 0.0);
     let start = root.read_or("start", None, |given| start(given, need).map(Some));
 
     let method = root.read_or("contact", Method::Auto, |given| contact(&given.section()?));
     let kind = laws::kind(&root);
     let (materials, law) = laws::materials(&root, kind);
     let mut shapes = Shapes::read(&root, &materials, folder);
-    let domain_section = root.section("domain", "the box of particles, `low` and `high` [m]");
+    let domain_section = root.section("domain");
     let domain = domain_section.as_ref().and_then(domain);
     let mut walls =
         Walls::read(&root, domain_section.as_ref(), domain.as_ref(), &materials, folder);
@@ -111,7 +105,7 @@ pub(super) fn scene(
         walls.stand_in(&mut library);
         Limit::of(law, &library)
     });
-    let time_section = root.section("time", "`step` [s] and `steps`");
+    let time_section = root.section("time");
     let time = time_section.as_ref().and_then(|section| Time::read(section, limit.as_ref()));
     let dt = time.as_ref().filter(|_| shapes.complete).map(|time| time.dt);
     let servos = walls.read_servos(&root, domain.as_ref(), &shapes.library, dt);
@@ -125,8 +119,7 @@ pub(super) fn scene(
         root.read_or("neighbours", neighbours, |given| neighbours.read(&given.section()?, least))
     };
     let audit = audit(&root, seed.unwrap_or_default());
-    let output = root.section("output", "`directory`").as_ref().and_then(Output::read);
-    root.finish();
+    let output = root.section("output").as_ref().and_then(Output::read);
 
     check_count(&root, shapes.library.shapes.len() + walls.count());
     if let (Some(cell), Some(start), true) = (&domain, &start, shapes.complete) {
@@ -262,9 +255,9 @@ fn skins(library: &Library) -> [f64; 2] {
 // --- domain ---
 
 fn domain(section: &Section) -> Option<Cell> {
-    let low = section.vector("low", "m");
-    let high = section.vector("high", "m");
-    let periodic = section.read_or("periodic", [false; 3], Given::three_booleans);
+    let low = section.vector("low");
+    let high = section.vector("high");
+    let periodic = section.read_or("periodic", [false; 3], |given| given.list_of(Given::boolean));
     let sheared = section.get("shear");
     let (low, high) = (low?, high?);
     let flat: Vec<&str> =
@@ -284,8 +277,8 @@ fn domain(section: &Section) -> Option<Cell> {
 fn shear(given: &Given, cell: &Cell) -> Option<Shear> {
     let section = given.section()?;
     let words = [("x", 0), ("y", 1), ("z", 2)];
-    let axis = |key, what| {
-        section.require(key, what, |given| {
+    let axis = |key| {
+        section.require(key).and_then(|given| {
             let axis = given.one_of(&words)?;
             if cell.period(axis).is_none() {
                 given.fail(format!(
@@ -297,10 +290,9 @@ fn shear(given: &Given, cell: &Cell) -> Option<Shear> {
             Some(axis)
         })
     };
-    let along = axis("along", "the axis of the velocity, \"x\", \"y\" or \"z\"");
-    let across = axis("across", "the axis along which the velocity grows");
-    let rate = section.number("rate", Range::Any, "1/s");
-    section.finish();
+    let along = axis("along");
+    let across = axis("across");
+    let rate = section.number("rate");
     let (along, across, rate) = (along?, across?, rate?);
     if along == across {
         section.get("across")?.fail("must be another axis than `along`");
@@ -333,7 +325,7 @@ fn check_shear(root: &Section, domain: &Cell, gravity: Option<Vec3>, walls: usiz
              in place of `shear`",
         );
     }
-    if let Some(given) = root.get("fill").and_then(|fill| fill.section()?.get("rain")) {
+    if let Some(given) = root.section("fill").and_then(|fill| fill.get("rain")) {
         given.fail("not in a sheared domain: take [[fill.lattice]] or [[fill.file]], or `start` from a stage without `shear`");
     }
 }
@@ -371,21 +363,15 @@ fn contact(section: &Section) -> Option<Method> {
         given => Some(given),
     };
     let option = |key, default, methods: &[&str]| {
-        setting(key, methods)?.map_or(Some(default), |given| given.number(Range::BelowOne, ""))
+        setting(key, methods)?.map_or(Some(default), |given| given.number())
     };
     let flag = |key, method| setting(key, &[method])?.map_or(Some(true), |given| given.boolean());
     let ratio = option("erosion_ratio", ErodedGjk::default().ratio, &["gjk-erosion"]);
     let increment = option("erosion_increment", ErodedGjk::default().increment, &["gjk-erosion"]);
-    if let (Some(increment), Some(given)) = (increment, section.get("erosion_increment"))
-        && increment < ErodedGjk::LEAST_INCREMENT
-    {
-        given.fail(format!("must be at least {}", ErodedGjk::LEAST_INCREMENT));
-    }
     let default_tolerance =
         if word == Some("epa") { Epa::default().tolerance } else { ErodedGjk::default().tolerance };
     let tolerance = option("tolerance", default_tolerance, &["gjk-erosion", "epa"]);
     let (spurious, polish) = (flag("spurious", "gjk-erosion"), flag("polish", "epa"));
-    section.finish();
     let (ratio, increment, tolerance) = (ratio?, increment?, tolerance?);
     let (spurious, polish) = (spurious?, polish?);
     Some(match word? {
@@ -405,9 +391,8 @@ fn check_smooth(root: &Section, library: &Library) {
         .filter(|(_, shape)| !shape.kind().is_smooth())
         .map(|(name, shape)| format!("`{name}` ({})", shape.kind().name()))
         .collect();
-    if let (false, Some(given)) = (edged.is_empty(), root.get("contact"))
-        && let Some((_, method)) =
-            given.entries().and_then(|all| all.into_iter().find(|(key, _)| *key == "method"))
+    if !edged.is_empty()
+        && let Some(method) = root.section("contact").and_then(|contact| contact.get("method"))
     {
         method.fail(format!(
             "not for {}, which have edges or flat sides; take \"auto\", \"gjk-erosion\" or \"epa\"",
@@ -417,13 +402,11 @@ fn check_smooth(root: &Section, library: &Library) {
 }
 
 fn stop(section: &Section, root: &Section) -> Option<Stop> {
-    let limit =
-        |key| section.read_or(key, None, |given| given.number(Range::BelowOne, "").map(Some));
+    let limit = |key| section.optional(key, Given::number);
     let (rest, unbalanced, servo) = (limit("rest"), limit("unbalanced"), limit("servo"));
-    let count = |key, least| section.read_or(key, None, |given| given.whole(least).map(Some));
-    let (left, remaining) = (count("left", 1), count("remaining", 0));
-    let after = section.number_or("after", 0.0, Range::NotNegative, "s");
-    section.finish();
+    let count = |key| section.optional(key, Given::whole);
+    let (left, remaining) = (count("left"), count("remaining"));
+    let after = section.number_or("after", 0.0);
     let is_endless = |inlet: &Section| inlet.get("count").or_else(|| inlet.get("mass")).is_none();
     if let Some(given) = section.get("remaining")
         && root.sections("inlet").iter().any(is_endless)
@@ -459,10 +442,9 @@ struct Neighbours {
 impl Neighbours {
     /// Reads a section; the skin is this at least [m].
     fn read(self, section: &Section, least: f64) -> Option<Self> {
-        let skin = section.number_or("skin", self.skin, Range::NotNegative, "m");
-        let imbalance = section.number_or("imbalance", self.imbalance, Range::FromOne, "");
-        let order_every = section.read_or("order_every", self.order_every, |given| given.whole(1));
-        section.finish();
+        let skin = section.number_or("skin", self.skin);
+        let imbalance = section.number_or("imbalance", self.imbalance);
+        let order_every = section.whole_or("order_every", self.order_every);
         Some(Self { skin: skin?.max(least), imbalance: imbalance?, order_every: order_every? })
     }
 }
@@ -472,10 +454,9 @@ fn audit(root: &Section, seed: u64) -> Option<Audit> {
     let default = Audit { every: Audit::EVERY, contacts: None, seed };
     root.read_or("audit", default, |given| {
         let section = given.section()?;
-        let every = section.read_or("every", default.every, |given| given.whole(0));
-        let contacts = section.read_or("contacts", None, |given| given.whole(1).map(Some));
-        let seed = section.read_or("seed", seed, |given| given.whole(0));
-        section.finish();
+        let every = section.whole_or("every", default.every);
+        let contacts = section.optional("contacts", Given::whole);
+        let seed = section.whole_or("seed", seed);
         if let (Some(0), Some(given)) = (every, section.get("contacts")) {
             given.fail("there is no audit: `every` is 0");
         }
@@ -509,18 +490,15 @@ struct Time {
 
 impl Time {
     fn read(section: &Section, limit: Option<&Limit>) -> Option<Self> {
-        let what = "a number greater than 0 [s], or \"auto\"";
-        let dt = section.require("step", what, |given| match given.as_text() {
-            Some("auto") => limit?.own_step(given),
-            Some(_) => given.expected(&what),
-            None => given.number(Range::Positive, "s"),
-        });
-        let own_step = section.get("step").is_some_and(|given| given.as_text().is_some());
+        let step = section.get("step");
+        let own_step = step.as_ref().is_some_and(|given| given.text().is_some());
+        let dt =
+            step.and_then(|given| if own_step { limit?.own_step(&given) } else { given.number() });
         let mut duration = None;
         let steps = match (section.get("steps"), section.get("duration")) {
-            (Some(steps), None) => steps.whole(0),
+            (Some(steps), None) => steps.whole(),
             (None, Some(given)) => {
-                duration = given.number(Range::Positive, "s");
+                duration = given.number();
                 let steps = duration.zip(dt).map(|(duration, dt)| steps_of(duration, dt));
                 if steps.is_some_and(|steps| steps > MOST_STEPS) {
                     given.fail("is more steps than can be counted");
@@ -536,8 +514,7 @@ impl Time {
                 None
             }
         };
-        let allow_unstable = section.read_or("allow_unstable", false, Given::boolean);
-        section.finish();
+        let allow_unstable = section.boolean_or("allow_unstable", false);
         let (dt, steps, allow_unstable) = (dt?, steps?, allow_unstable?);
         Some(Self { dt, own_step, steps, duration, allow_unstable })
     }
@@ -596,10 +573,9 @@ struct Output {
 
 impl Output {
     fn read(section: &Section) -> Option<Self> {
-        let directory = section.require("directory", "where files go", Given::text);
-        let snapshot_every = section.read_or("snapshot_every", 0, |given| given.whole(0));
-        let history_every = section.read_or("history_every", 100, |given| given.whole(0));
-        section.finish();
+        let directory = section.require("directory").and_then(|given| given.text());
+        let snapshot_every = section.whole_or("snapshot_every", 0);
+        let history_every = section.whole_or("history_every", 100);
         Some(Self {
             directory: directory?.into(),
             snapshot_every: snapshot_every?,

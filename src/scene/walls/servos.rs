@@ -7,7 +7,7 @@ use crate::math::Vec3;
 use crate::particles::Library;
 use crate::particles::walls::{Across, Wall};
 use crate::scene::mistakes::CELL;
-use crate::scene::reader::{Given, Range, Section};
+use crate::scene::reader::{Given, Section};
 
 /// Parts of velocities along a direction, and of turns out of a plane, that are less than this are rounding.
 const ROUNDING: f64 = 1e-9;
@@ -47,22 +47,15 @@ impl Walls<'_> {
         library: &Library,
         dt: Option<f64>,
     ) -> Option<Vec<Servo>> {
-        let names = section.require("walls", "names of walls, as in [\"-x\", \"+x\"]", |given| {
-            let items = given.list("a list of names of walls, as in [\"-x\", \"+x\"]")?;
-            if items.is_empty() {
-                given.fail("must have at least one wall");
-            }
-            Some(items)
-        });
+        let names = section.require("walls").and_then(|given| given.list());
         let (push, goal) = goal(section, is_later);
         let walls = names.and_then(|names| {
             let walls = names.iter().map(|name| self.steered(name, domain, push.as_ref()));
             walls.collect::<Vec<_>>().into_iter().collect::<Option<Vec<usize>>>()
         });
-        let max_speed = section.number_or("max_speed", 1.0, Range::Positive, "m/s");
-        let gain = section.number_or("gain", 1.0, Range::Positive, "");
-        let coupled = section.read_or("coupled", false, Given::boolean);
-        section.finish();
+        let max_speed = section.number_or("max_speed", 1.0);
+        let gain = section.number_or("gain", 1.0);
+        let coupled = section.boolean_or("coupled", false);
         if let Some(wrong) = max_speed.and_then(|speed| too_fast(speed, dt, library)) {
             section.fail(format!("`max_speed` {wrong}"));
         } else if let (Some(goal), Some(walls), Some(speed)) = (&goal, &walls, max_speed)
@@ -180,7 +173,7 @@ fn goal<'a>(section: &Section<'a>, is_later: bool) -> (Option<Push<'a>>, Option<
             along.fail("is of a servo of `force`; a stress is kept along the normal");
         }
         let goal = if let Some(stress) = stress {
-            stress.number(Range::Positive, "Pa").map(Goal::Stress)
+            stress.number().map(Goal::Stress)
         } else {
             section.fail("`stress` [Pa] or `force` [N] is missing: a number greater than 0");
             None
@@ -190,7 +183,7 @@ fn goal<'a>(section: &Section<'a>, is_later: bool) -> (Option<Push<'a>>, Option<
     if let Some(stress) = stress {
         stress.fail("stands beside `force`; a servo keeps one of them");
     }
-    let newtons = force.number(Range::Positive, "N");
+    let newtons = force.number();
     let along = given.as_ref().and_then(Given::direction);
     let is_wrong = given.is_some() && along.is_none();
     let goal = newtons.filter(|_| !is_wrong).map(|newtons| Goal::Force { newtons, along });
