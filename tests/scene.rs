@@ -540,8 +540,14 @@ fn included_files_are_merged() -> Result<()> {
     let saved = Scene::parse(&scene.text, "saved", Path::new("elsewhere"), &[])?;
     assert!(!scene.text.contains("include"), "{}", scene.text);
     assert_eq!(saved.text, scene.text);
+    let scene_text = scene.text.clone();
     assert_eq!(without(saved), without(expected.clone()));
     assert_eq!(without(scene), without(expected));
+
+    // A saved scene may be a part, too: it says where its files are.
+    let part = files(&[("saved.toml", &scene_text), ("scene.toml", "include = \"saved.toml\"\n")]);
+    let of_saved = Scene::read(&part.path().join("scene.toml"), &[])?;
+    assert_eq!(of_saved.walls.len(), 3);
 
     let set =
         Scene::read(path, &["material.glass.friction=0.25".to_owned(), "wall=[]".to_owned()])?;

@@ -9,13 +9,13 @@ use super::flows;
 use super::form;
 use super::jumps;
 use super::laws;
-use super::matter::Shapes;
+use super::matter::{Materials, Shapes};
 use super::mistakes::Mistakes;
 use super::parts::{Need, Whole};
 use super::reader::{Given, Section};
 use super::room::Room;
 use super::walls::Walls;
-use super::{Fill, Inlet, Method, Rain, Scene, Stop};
+use super::{Fill, FreeWall, Inlet, Method, Outlet, Rain, Scene, Servo, Stop};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
@@ -27,7 +27,7 @@ use crate::math::{Vec3, printed_limit};
 use crate::particles::Library;
 use crate::sim::audit::Settings as Audit;
 use crate::sim::steps_of;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
 const SKIN: f64 = 0.1;
@@ -48,127 +48,33 @@ pub(super) fn scene(
     file: &str,
     need: Need,
 ) -> Option<Scene> {
-    let folder = &*folder;
     let root = Given::root(&root, mistakes);
     form::check(&root);
     let root = root.section()?;
-    let title = root.read_or("title", file.to_owned(), |given| given.text().map(str::to_owned));
-    let seed = root.whole_or("seed", 1);
-    let gravity = root.vector_or("gravity", Vec3::zeros());
-    let global_damping = root.number_or("global_damping", 0.0);
-    let start = root.read_or("start", None, |given| start(given, need).map(Some));
-
-    let method = root.read_or("contact", Method::Auto, |given| contact(&given.section()?));
-    let kind = laws::kind(&root);
-    let (materials, law) = laws::materials(&root, kind);
-    let mut shapes = Shapes::read(&root, &materials, folder);
-    let domain_section = root.section("domain");
-    let domain = domain_section.as_ref().and_then(domain);
-    let mut walls =
-        Walls::read(&root, domain_section.as_ref(), domain.as_ref(), &materials, folder);
-    let free_walls = walls.free(gravity.unwrap_or_else(Vec3::zeros));
-    let of_free = walls.stress_of_free(&free_walls, domain.as_ref());
-    let law = law.map(|law| laws::under_free_walls(law, kind, of_free));
-
-    let fills = Fills {
-        shapes: &shapes,
-        domain: domain.as_ref(),
-        gravity: gravity.unwrap_or_else(Vec3::zeros),
-        folder,
-    };
-    let inlets = flows::inlets(&root, &fills);
-    let mut fills = fills.read(&root);
-    let outlets = flows::outlets(&root, domain.as_ref());
-    let rain = fills.as_ref().and_then(|(_, rain)| rain.as_ref());
-    let rain = rain.map(|rain| (rain, &shapes.library));
-    flows::check_apart(&root, (inlets.as_ref(), rain), outlets.as_ref(), domain.as_ref());
-    // What follows looks at the sizes of all particles.
-    for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
-        shapes.library.admit(row.shape, row.scale);
-    }
-    limit_numbers(&mut shapes.library, fills.as_ref(), inlets.as_deref());
-    let before = match (need, &start) {
-        (Need::Snapshot(own), _) => before::admit_to_go_on(&mut shapes.library, own),
-        (Need::AllFiles, Some(Some(path))) => before::admit(&mut shapes.library, path),
-        (Need::AllFiles, _) => None,
-    };
-    if shapes.library.most.iter().sum::<f64>() <= 1.0 {
-        // One alone stands for many, as where others are put beside it by a program.
-        shapes.library.most.fill(f64::INFINITY);
-    }
-
-    let law_fits = law
-        .as_ref()
-        .is_some_and(|law| shapes.complete && laws::check_shapes(&root, law, &shapes.library));
-    let limit = law.as_ref().filter(|_| law_fits).map(|law| {
-        let mut library = shapes.library.clone();
-        walls.stand_in(&mut library);
-        Limit::of(law, &library)
-    });
-    let time_section = root.section("time");
-    let time = time_section.as_ref().and_then(|section| Time::read(section, limit.as_ref()));
-    let dt = time.as_ref().filter(|_| shapes.complete).map(|time| time.dt);
-    let servos = walls.read_servos(&root, domain.as_ref(), &shapes.library, dt);
-    walls.check_speeds(&root, domain_section.as_ref(), domain.as_ref(), &shapes.library, dt);
-    let stop = root.read_or("stop", Stop::default(), |given| stop(&given.section()?, &root));
-    let largest = shapes.library.largest_radius();
-    let neighbours = {
-        let [least, default] = skins(&shapes.library);
-        let neighbours =
-            Neighbours { skin: default, imbalance: IMBALANCE, order_every: ORDER_EVERY };
-        root.read_or("neighbours", neighbours, |given| neighbours.read(&given.section()?, least))
-    };
-    let audit = audit(&root, seed.unwrap_or_default());
-    let output = root.section("output").as_ref().and_then(Output::read);
-
-    check_count(&root, shapes.library.shapes.len() + walls.count());
-    if let (Some(cell), Some(start), true) = (&domain, &start, shapes.complete) {
-        let (library, has_start) = (&shapes.library, start.is_some());
-        let seed = seed.unwrap_or_default();
-        let room = Room { root: &root, cell, walls: &walls, library, seed, has_start };
-        if let Some((_, Some(rain))) = &mut fills {
-            room.for_rain(rain);
-        }
-        if let Some(inlets) = &inlets {
-            room.for_inlets(inlets);
-            room.for_amounts(inlets);
-        }
-    }
-    if let (Some(domain), Some(section), Some(Neighbours { skin, .. })) =
-        (&domain, &domain_section, neighbours)
-    {
-        let reach = law.as_ref().map_or(0.0, |law| law.reach(largest));
-        check_periods(section, domain, halo_width(&shapes.library, skin, reach));
-    }
-    if let Some(domain) = &domain {
-        check_shear(&root, domain, gravity, walls.count());
-    }
-    if let (Some(time), Some(section), Some(limit)) = (&time, &time_section, &limit) {
-        limit.check(section, time, &shapes.library);
-    }
-    if let (Some(time), Some(ξ)) = (&time, global_damping) {
-        check_damping(&root, ξ, time.dt);
-    }
-    walls.check_surfaces(&root, &shapes.library, &method.unwrap_or(Method::Auto));
-    if method == Some(Method::CommonNormal) {
-        check_smooth(&root, &shapes.library);
-    }
+    let general = General::read(&root, file, need);
+    let mut bodies = Bodies::read(&root, &folder, general.gravity);
+    let mut grains = Grains::read(&root, &folder, &mut bodies, general.gravity);
+    let before = sizes_before(&mut bodies.shapes.library, general.start.as_ref(), need);
+    let course = Course::read(&root, &mut bodies, general.seed, &grains);
+    check_room(&root, &general, &bodies, &mut grains);
+    check_together(&root, &general, &mut bodies, &course);
     if !mistakes.is_empty() {
         return None;
     }
 
+    let Bodies { materials, shapes, walls, free_walls, domain, law, .. } = bodies;
     let left_out = laws::left_out(&root, &materials);
     let mut library = shapes.library;
     let law = law?;
     let jumps = before.and_then(|before| jumps::jumps(&before, &materials, &law, &library));
     let walls = walls.into_library(&mut library)?;
-    let Neighbours { skin, imbalance, order_every } = neighbours?;
-    let (initial, rain) = fills?;
-    let Time { dt, own_step, steps, duration, allow_unstable } = time?;
-    let Output { directory: out, snapshot_every, history_every } = output?;
+    let Neighbours { skin, imbalance, order_every } = course.neighbours?;
+    let (initial, rain) = grains.fills?;
+    let Time { dt, own_step, steps, duration, allow_unstable } = course.time?;
+    let Output { directory: out, snapshot_every, history_every } = course.output?;
     Some(Scene {
-        title: title?,
-        seed: seed?,
+        title: general.title?,
+        seed: general.seed?,
         domain: domain?,
         materials: materials.items.into_iter().collect::<Option<_>>()?,
         law,
@@ -177,31 +83,225 @@ pub(super) fn scene(
         doubtful: mistakes.warnings(),
         library,
         walls,
-        servos: servos?,
+        servos: course.servos?,
         free_walls,
-        method: method?,
-        gravity: gravity?,
-        global_damping: global_damping?,
+        method: general.method?,
+        gravity: general.gravity?,
+        global_damping: general.global_damping?,
         initial,
         rain,
-        inlets: inlets?,
-        outlets: outlets?,
+        inlets: grains.inlets?,
+        outlets: grains.outlets?,
         dt,
         own_step,
         steps,
         duration,
         allow_unstable,
-        stop: stop?,
+        stop: course.stop?,
         skin,
         imbalance,
         order_every,
         snapshot_every,
         history_every,
-        audit: audit?,
+        audit: course.audit?,
         out,
-        start: start?,
+        start: general.start?,
         text,
     })
+}
+
+// --- parts, in the order in which they look at each other ---
+
+/// What concerns all particles, and how contacts are resolved.
+struct General {
+    title: Option<String>,
+    seed: Option<u64>,
+    /// [m/s²]
+    gravity: Option<Vec3>,
+    /// [1/s]
+    global_damping: Option<f64>,
+    #[expect(clippy::option_option, reason = "wrong, none, or one")]
+    start: Option<Option<PathBuf>>,
+    method: Option<Method>,
+}
+
+impl General {
+    fn read(root: &Section, file: &str, need: Need) -> Self {
+        Self {
+            title: root.read_or("title", file.to_owned(), |given| given.text().map(str::to_owned)),
+            seed: root.whole_or("seed", 1),
+            gravity: root.vector_or("gravity", Vec3::zeros()),
+            global_damping: root.number_or("global_damping", 0.0),
+            start: root.optional("start", |given| start(given, need)),
+            method: root.read_or("contact", Method::Auto, |given| contact(&given.section()?)),
+        }
+    }
+}
+
+/// Materials with their law, shapes, the domain and walls.
+struct Bodies<'a> {
+    materials: Materials,
+    law: Option<Choice>,
+    shapes: Shapes,
+    domain_section: Option<Section<'a>>,
+    domain: Option<Cell>,
+    walls: Walls<'a>,
+    free_walls: Vec<FreeWall>,
+}
+
+impl<'a> Bodies<'a> {
+    fn read(root: &Section<'a>, folder: &Path, gravity: Option<Vec3>) -> Self {
+        let kind = laws::kind(root);
+        let (materials, law) = laws::materials(root, kind);
+        let shapes = Shapes::read(root, &materials, folder);
+        let domain_section = root.section("domain");
+        let domain = domain_section.as_ref().and_then(domain);
+        let walls = Walls::read(root, domain_section.as_ref(), domain.as_ref(), &materials, folder);
+        let free_walls = walls.free(gravity.unwrap_or_else(Vec3::zeros));
+        let of_free = walls.stress_of_free(&free_walls, domain.as_ref());
+        let law = law.map(|law| laws::under_free_walls(law, kind, of_free));
+        Self { materials, law, shapes, domain_section, domain, walls, free_walls }
+    }
+
+    /// The stable limit of the time step, if law and shapes go together.
+    fn limit(&self, root: &Section) -> Option<Limit> {
+        let (law, shapes) = (self.law.as_ref()?, &self.shapes);
+        if !shapes.complete || !laws::check_shapes(root, law, &shapes.library) {
+            return None;
+        }
+        let mut library = shapes.library.clone();
+        self.walls.stand_in(&mut library);
+        Some(Limit::of(law, &library))
+    }
+}
+
+/// Particles that are there, that come and that leave.
+struct Grains {
+    fills: Option<(Vec<Fill>, Option<Rain>)>,
+    inlets: Option<Vec<Inlet>>,
+    outlets: Option<Vec<Outlet>>,
+}
+
+impl Grains {
+    /// The library gets the sizes and numbers of all.
+    fn read(root: &Section, folder: &Path, bodies: &mut Bodies, gravity: Option<Vec3>) -> Self {
+        let Bodies { shapes, domain, .. } = bodies;
+        let (domain, gravity) = (domain.as_ref(), gravity.unwrap_or_else(Vec3::zeros));
+        let fills = Fills { shapes: &*shapes, domain, gravity, folder };
+        let inlets = flows::inlets(root, &fills);
+        let fills = fills.read(root);
+        let outlets = flows::outlets(root, domain);
+        let rain = fills.as_ref().and_then(|(_, rain)| rain.as_ref());
+        let rain = rain.map(|rain| (rain, &shapes.library));
+        flows::check_apart(root, (inlets.as_ref(), rain), outlets.as_ref(), domain);
+        for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
+            shapes.library.admit(row.shape, row.scale);
+        }
+        limit_numbers(&mut shapes.library, fills.as_ref(), inlets.as_deref());
+        Self { fills, inlets, outlets }
+    }
+}
+
+/// Makes room in the library for the particles of a stage before. Returns its scene.
+fn sizes_before(
+    library: &mut Library,
+    start: Option<&Option<PathBuf>>,
+    need: Need,
+) -> Option<String> {
+    let before = match (need, start) {
+        (Need::Snapshot(own), _) => before::admit_to_go_on(library, own),
+        (Need::AllFiles, Some(Some(path))) => before::admit(library, path),
+        (Need::AllFiles, _) => None,
+    };
+    if library.most.iter().sum::<f64>() <= 1.0 {
+        // One alone stands for many, as where others are put beside it by a program.
+        library.most.fill(f64::INFINITY);
+    }
+    before
+}
+
+/// Steps, what ends them, and what is written.
+struct Course<'a> {
+    limit: Option<Limit>,
+    time_section: Option<Section<'a>>,
+    time: Option<Time>,
+    servos: Option<Vec<Servo>>,
+    stop: Option<Stop>,
+    neighbours: Option<Neighbours>,
+    audit: Option<Audit>,
+    output: Option<Output>,
+}
+
+impl<'a> Course<'a> {
+    fn read(root: &Section<'a>, bodies: &mut Bodies, seed: Option<u64>, grains: &Grains) -> Self {
+        let limit = bodies.limit(root);
+        let Bodies { walls, domain, domain_section, shapes, .. } = bodies;
+        let (domain, library) = (domain.as_ref(), &shapes.library);
+        let time_section = root.section("time");
+        let time = time_section.as_ref().and_then(|section| Time::read(section, limit.as_ref()));
+        let dt = time.as_ref().filter(|_| shapes.complete).map(|time| time.dt);
+        let servos = walls.read_servos(root, domain, library, dt);
+        walls.check_speeds(root, domain_section.as_ref(), domain, library, dt);
+        let stop = root.read_or("stop", Stop::default(), |given| {
+            stop(&given.section()?, grains, root.get("servo").is_some())
+        });
+        let [least, skin] = skins(library);
+        let default = Neighbours { skin, imbalance: IMBALANCE, order_every: ORDER_EVERY };
+        let neighbours =
+            root.read_or("neighbours", default, |given| default.read(&given.section()?, least));
+        let audit = audit(root, seed.unwrap_or_default());
+        let output = root.section("output").as_ref().and_then(Output::read);
+        Self { limit, time_section, time, servos, stop, neighbours, audit, output }
+    }
+}
+
+/// Is there room for what is to come?
+fn check_room(root: &Section, general: &General, bodies: &Bodies, grains: &mut Grains) {
+    let Bodies { walls, shapes, .. } = bodies;
+    let count = shapes.library.shapes.len() + walls.count();
+    if count > MOST_IDS {
+        root.fail(format!("has {count} shapes and walls; must be at most {MOST_IDS}"));
+    }
+    let (Some(cell), Some(start), true) = (&bodies.domain, &general.start, shapes.complete) else {
+        return;
+    };
+    let (library, has_start) = (&shapes.library, start.is_some());
+    let seed = general.seed.unwrap_or_default();
+    let room = Room { root, cell, walls, library, seed, has_start };
+    if let Some((_, Some(rain))) = &mut grains.fills {
+        room.for_rain(rain);
+    }
+    if let Some(inlets) = &grains.inlets {
+        room.for_inlets(inlets);
+        room.for_amounts(inlets);
+    }
+}
+
+/// Looks at what concerns several parts.
+fn check_together(root: &Section, general: &General, bodies: &mut Bodies, course: &Course) {
+    let Bodies { domain, domain_section, law, shapes, walls, .. } = bodies;
+    let library = &shapes.library;
+    if let (Some(domain), Some(section), Some(Neighbours { skin, .. })) =
+        (&*domain, &*domain_section, course.neighbours)
+    {
+        let reach = law.as_ref().map_or(0.0, |law| law.reach(library.largest_radius()));
+        check_periods(section, domain, halo_width(library, skin, reach));
+    }
+    if let Some(domain) = &*domain {
+        check_shear(root, domain, general.gravity, walls.count());
+    }
+    if let (Some(time), Some(section), Some(limit)) =
+        (&course.time, &course.time_section, &course.limit)
+    {
+        limit.check(section, time, library);
+    }
+    if let (Some(time), Some(ξ)) = (&course.time, general.global_damping) {
+        check_damping(root, ξ, time.dt);
+    }
+    walls.check_surfaces(root, library, &general.method.unwrap_or(Method::Auto));
+    if general.method == Some(Method::CommonNormal) {
+        check_smooth(root, library);
+    }
 }
 
 /// Limits how many particles of each shape there can be to those that the scene has and those that come.
@@ -401,24 +501,24 @@ fn check_smooth(root: &Section, library: &Library) {
     }
 }
 
-fn stop(section: &Section, root: &Section) -> Option<Stop> {
+fn stop(section: &Section, grains: &Grains, has_servo: bool) -> Option<Stop> {
     let limit = |key| section.optional(key, Given::number);
     let (rest, unbalanced, servo) = (limit("rest"), limit("unbalanced"), limit("servo"));
     let count = |key| section.optional(key, Given::whole);
     let (left, remaining) = (count("left"), count("remaining"));
     let after = section.number_or("after", 0.0);
-    let is_endless = |inlet: &Section| inlet.get("count").or_else(|| inlet.get("mass")).is_none();
+    let is_endless = |inlet: &Inlet| inlet.until.is_none();
     if let Some(given) = section.get("remaining")
-        && root.sections("inlet").iter().any(is_endless)
+        && grains.inlets.iter().flatten().any(is_endless)
     {
         given.fail("never holds: an [[inlet]] without `count` or `mass` has always particles still to come");
     }
     for key in ["left", "remaining"] {
-        if let (Some(given), None) = (section.get(key), root.get("outlet")) {
+        if let (Some(given), Some([])) = (section.get(key), grains.outlets.as_deref()) {
             given.fail("there is no [[outlet]]");
         }
     }
-    if let (Some(given), None) = (section.get("servo"), root.get("servo")) {
+    if let (Some(given), false) = (section.get("servo"), has_servo) {
         given.fail("there is no [[servo]]");
     }
     let drives = servo?.map(|limit| ("servo".to_owned(), limit)).into_iter().collect();
@@ -462,12 +562,6 @@ fn audit(root: &Section, seed: u64) -> Option<Audit> {
         }
         Some(Audit { every: every?, contacts: contacts?, seed: seed? })
     })
-}
-
-fn check_count(root: &Section, bodies: usize) {
-    if bodies > MOST_IDS {
-        root.fail(format!("has {bodies} shapes and walls; must be at most {MOST_IDS}"));
-    }
 }
 
 /// `damping` in 1/s, `dt` in s.

@@ -51,7 +51,7 @@ fn expected(given: &Given) {
             given.fail_whole(format!("there can be only one; write [{header}], not [[{header}]]"));
         }
         (kind, value) => {
-            given.fail(format!("must be {}, not {}", Allowed(kind, given.unit), value.type_name()))
+            given.fail(format!("must be {}, not {}", Allowed(kind, given.unit), value.type_name()));
         }
     }
 }
@@ -98,7 +98,9 @@ fn check_one(given: &Given, kind: &'static Kind) {
             if entries.is_empty() {
                 given.fail(format!("must be {allowed}"));
             }
-            entries.iter().for_each(|(_, entry)| check(entry));
+            for (_, entry) in &entries {
+                check(entry);
+            }
         }
         Kind::Table(_) => {
             if let Some(section) = given.section() {

@@ -11,7 +11,6 @@ use crate::law::hertz::{self, jkr};
 use crate::law::linear::{self, damping_ratio_of_restitution};
 use crate::law::{Beside, Choice, Interactions, Mixing};
 use crate::law::{dmt, rolling};
-use crate::math::Vec3;
 use crate::particles::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
 use serde::{Deserialize, Serialize};
@@ -103,33 +102,10 @@ const MOST_LARGEST_OVERLAP: f64 = 0.5;
 /// of friction of 37 degrees yield.
 const DRIVEN: f64 = 4.0;
 
-/// The stress that a servo of force [N] counts as where nothing is known of what its walls touch [Pa]: over the smallest side of
-/// the domain, whose corners are these [m].
-pub(super) fn stress_of_force(force: f64, low: &Vec3, high: &Vec3) -> f64 {
-    let widths = high - low;
-    force * widths.max() / widths.product()
-}
-
-/// The overlap under the highest stress that walls will have: of all servos, and more where walls are driven, too. What is wrong in it is
-/// said elsewhere.
-fn under_stress(root: &Section) -> LargestOverlap {
-    let corners = || {
-        let domain = root.section("domain")?;
-        Some((domain.get("low")?.vector()?, domain.get("high")?.vector()?))
-    };
-    let of_servo = |servo: &Section| match servo.get("force") {
-        Some(force) => {
-            let (low, high) = corners()?;
-            Some(stress_of_force(force.number()?, &low, &high))
-        }
-        None => servo.get("stress")?.number(),
-    };
-    let servos = root.sections("servo").iter().filter_map(of_servo).fold(0.0, f64::max);
-    let has = |section: Section, key| section.get(key).is_some();
-    let driven = root.section("domain").is_some_and(|section| has(section, "wall_velocity"))
-        || root.sections("wall").into_iter().any(|section| has(section, "velocity"))
-        || root.sections("motion").into_iter().any(|section| !has(section, "mass"));
-    LargestOverlap::Under { servos, times: if driven { DRIVEN } else { 1.0 } }
+/// The overlap under the highest stress that walls will have: of all servos, and more where walls are driven, too.
+fn under_load(root: &Section) -> LargestOverlap {
+    let servos = walls::highest_stress(root);
+    LargestOverlap::Under { servos, times: if walls::are_driven(root) { DRIVEN } else { 1.0 } }
 }
 
 /// The law that `[law]` asks for.
@@ -210,7 +186,7 @@ fn parts(section: &Section, is_hertz: bool, limit_damping: bool, root: &Section)
         }
         mindlin
     })?;
-    let largest_overlap = section.read_or("largest_overlap", under_stress(root), |given| {
+    let largest_overlap = section.read_or("largest_overlap", under_load(root), |given| {
         given.number().map(LargestOverlap::Given)
     })?;
     Some(Kind::Hertz { limit_damping, mindlin, largest_overlap })

@@ -5,7 +5,9 @@
 //!
 //! # The file
 //!
-//! TOML. Keys marked `required` must be there. Paths of output, `start` and `folder` are relative to the
+//! TOML. The column *kind* says what a value may be: `number > 0`; `[x, y, z]`, a list of as many items; `{ a = number [m], b? = text }`, a table, in which
+//! keys with a question mark may be left out; `or` stands between alternatives. Unit and kind are those of all keys of a row, or one of each; `-` is no unit.
+//! Keys marked `required` must be there. Paths of output, `start` and `folder` are relative to the
 //! working directory, paths of particle files, tables and meshes to the folder of the scene, or of the file that it includes and that names them.
 //! A polyhedron is moved to its centre of mass and turned into its principal axes; positions and
 //! quaternions of particles are those of its centre and these axes, and `--plan` says where they lie in the file.

@@ -41,10 +41,7 @@ enum Kind {
 impl<'a> Motions<'a> {
     pub(super) fn read(root: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Self {
         let sections = root.sections("motion");
-        let read = |section: &Section<'a>| {
-            let motion = motion(section, domain, folder);
-            motion
-        };
+        let read = |section: &Section<'a>| motion(section, domain, folder);
         Self { all: sections.iter().filter_map(read).collect() }
     }
 

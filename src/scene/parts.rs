@@ -58,7 +58,7 @@ pub(super) fn read(
     if let Some(given) = given(&root, "include", mistakes) {
         given.fail("is of a file, not of an override");
     }
-    let own = given(&root, "folder", mistakes).and_then(|given| given.text().map(PathBuf::from));
+    let own = folder_of(&root, mistakes);
     let beside = own.clone().unwrap_or_else(|| folder.to_owned());
     let mut lines = String::new();
     if own.is_none() && names_files(&root.value, &SCENE) {
@@ -77,6 +77,11 @@ fn file_name(file: &str) -> &Path {
 /// The value of a key at the top.
 fn given<'a>(root: &'a Node, key: &str, mistakes: &'a Mistakes) -> Option<Given<'a>> {
     Given::root(root, mistakes).section()?.get(key)
+}
+
+/// Where a scene itself says that its files are.
+fn folder_of(root: &Node, mistakes: &Mistakes) -> Option<PathBuf> {
+    given(root, "folder", mistakes)?.text().map(PathBuf::from)
 }
 
 fn remove(root: &mut Node, key: &str) {
@@ -110,8 +115,10 @@ impl Files<'_> {
         let mut base = Node { value: Value::Table(Table::new()), location: Location::File };
         for given in all {
             let mut part = self.included(&given, folder)?;
-            let beside = Path::new(given.text()?).parent().unwrap_or(Path::new(""));
-            rebase(&mut part.value, &SCENE, beside);
+            let parent = Path::new(given.text()?).parent().map(Path::to_owned).unwrap_or_default();
+            let beside = folder_of(&part, self.mistakes).map_or(parent, |own| absolute(&own));
+            rebase(&mut part.value, &SCENE, &beside);
+            remove(&mut part, "folder");
             merge(&mut base, part);
         }
         remove(&mut root, "include");
@@ -217,10 +224,17 @@ fn rebase(value: &mut Value, kind: &Kind, folder: &Path) {
             }
         }
         (Value::List(items), Kind::List { item, .. }) => {
-            items.iter_mut().for_each(|node| rebase(&mut node.value, item, folder));
+            for node in items {
+                rebase(&mut node.value, item, folder);
+            }
         }
         _ => {}
     }
+}
+
+/// A folder seen from where the program is called, wherever it is seen from.
+fn absolute(folder: &Path) -> PathBuf {
+    std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned())
 }
 
 /// Is a file named in it?
@@ -273,12 +287,13 @@ fn like(
     }
     let file: Arc<str> = format!("the scene in {}", snapshot.display()).into();
     let mut base = input::read(&scene, &|line| Location::In(Arc::clone(&file), line), mistakes)?;
-    let beside = given(&base, "folder", mistakes).and_then(|given| given.text().map(PathBuf::from));
+    let beside = folder_of(&base, mistakes);
+    let own = folder_of(&changed, mistakes).unwrap_or_else(|| folder.to_owned());
     if let Value::Table(table) = &mut base.value {
         table.retain(|key, _| TAKEN.contains(&&**key));
     }
-    if let Some(beside) = beside.filter(|beside| beside != folder) {
-        rebase(&mut base.value, &SCENE, &std::path::absolute(beside).unwrap_or_default());
+    if let Some(beside) = beside.filter(|beside| *beside != own) {
+        rebase(&mut base.value, &SCENE, &absolute(&beside));
     }
     std::mem::swap(root, &mut base);
     merge(root, base);

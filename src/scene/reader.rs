@@ -274,6 +274,7 @@ impl<'a> Section<'a> {
     }
 
     /// The value of a key, or nothing if the key is not there; `None` if it is wrong.
+    #[expect(clippy::option_option, reason = "wrong, none, or one")]
     pub(super) fn optional<T>(
         &self,
         key: &str,

@@ -66,9 +66,9 @@ fn needed(keys: &Keys) -> Value {
     let required = keys.all.iter().filter(|key| key.required).map(|key| &key.name);
     let inside = keys.all.iter().filter_map(|key| {
         let needed = match &key.kind {
-            Kind::Table(inner) if !inner.table.is_none() => needed(inner),
+            Kind::Table(inner) if inner.table.is_some() => needed(inner),
             Kind::List { item, .. } => match &**item {
-                Kind::Table(inner) if !inner.table.is_none() => json!({ "items": needed(inner) }),
+                Kind::Table(inner) if inner.table.is_some() => json!({ "items": needed(inner) }),
                 _ => return None,
             },
             _ => return None,

@@ -2,6 +2,8 @@
 
 mod servos;
 
+pub(super) use servos::{highest_stress, stress_of_force};
+
 use super::matter::{Materials, Names};
 use super::mistakes::suggestion;
 use super::motions::{Motions, axis_of_turn, repeats};
@@ -356,6 +358,14 @@ impl<'a> Walls<'a> {
     }
 }
 
+/// Is a wall driven by something else than forces?
+pub(super) fn are_driven(root: &Section) -> bool {
+    let has = |section: &Section, key| section.get(key).is_some();
+    root.section("domain").is_some_and(|domain| has(&domain, "wall_velocity"))
+        || root.sections("wall").iter().any(|wall| has(wall, "velocity"))
+        || root.sections("motion").iter().any(|motion| !has(motion, "mass"))
+}
+
 /// A `[[wall]]`.
 fn planned(
     name: String,
@@ -375,11 +385,7 @@ fn planned(
             }
         }
         let planes = section.sections("planes");
-        let read = |section: &Section| {
-            let plane = plane(section, domain);
-            plane
-        };
-        let read: Vec<_> = planes.iter().map(read).collect();
+        let read: Vec<_> = planes.iter().map(|section| plane(section, domain)).collect();
         read.into_iter().collect::<Option<Vec<_>>>()
     } else {
         plane(section, domain).map(|plane| vec![plane])

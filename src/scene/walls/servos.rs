@@ -22,6 +22,29 @@ struct Push<'a> {
     is_later: bool,
 }
 
+/// The stress that a servo of force [N] counts as where nothing is known of what its walls touch [Pa]: over the smallest side of
+/// the domain, whose corners are these [m].
+pub(in crate::scene) fn stress_of_force(force: f64, low: &Vec3, high: &Vec3) -> f64 {
+    let widths = high - low;
+    force * widths.max() / widths.product()
+}
+
+/// The highest stress that servos keep [Pa]. What is wrong in them is said elsewhere.
+pub(in crate::scene) fn highest_stress(root: &Section) -> f64 {
+    let corners = || {
+        let domain = root.section("domain")?;
+        Some((domain.get("low")?.vector()?, domain.get("high")?.vector()?))
+    };
+    let of_servo = |servo: &Section| match servo.get("force") {
+        Some(force) => {
+            let (low, high) = corners()?;
+            Some(stress_of_force(force.number()?, &low, &high))
+        }
+        None => servo.get("stress")?.number(),
+    };
+    root.sections("servo").iter().filter_map(of_servo).fold(0.0, f64::max)
+}
+
 impl Walls<'_> {
     /// The servos; the walls hear of them. `dt` is the time step [s], if that and all shapes are known.
     pub(in crate::scene) fn read_servos(
