@@ -524,19 +524,18 @@ fn included_files_are_merged() -> Result<()> {
     let [Fill::Lattice(lattice)] = &scene.initial[..] else { panic!("one lattice") };
     assert!(lattice.first.z > 0.06, "lists without names are replaced");
 
-    let by_itself = format!(
+    let by_itself =
         "title = \"Of several files\"\ngravity = [0.0, 0.0, -9.81]\n\
          [domain]\nlow = [0, 0, 0]\nhigh = [0.1, 0.1, 0.1]\nwalls = [\"-z\", \"-x\"]\nwall_material = \"steel\"\n\
          [[material]]\nname = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4\nfriction = 0.5\nrestitution = 0.8\n\
          [[material]]\nname = \"steel\"\ndensity = 7800\nnormal_stiffness = 4e4\n\
          [[shape]]\nname = \"ball\"\nmaterial = \"glass\"\nkind = \"sphere\"\nradius = 5e-3\n\
-         size = {{ lognormal = {{ median = 1, sigma = 0.1 }}, limits = [0.8, 1.2] }}\n\
-         [[wall]]\nname = \"box\"\nmaterial = \"steel\"\nmesh = \"walls/box.stl\"\nscale = 1e-3\nshift = [0.05, 0.05, 0.02]\n\
+         size = { lognormal = { median = 1, sigma = 0.1 }, limits = [0.8, 1.2] }\n\
+         [[wall]]\nname = \"box\"\nmaterial = \"steel\"\nmesh = \"../good/box.stl\"\nscale = 1e-3\nshift = [0.05, 0.05, 0.02]\n\
          [[fill.lattice]]\nlow = [0, 0, 0.06]\nhigh = [0.1, 0.1, 0.1]\n\
-         [time]\nstep = 1e-5\nsteps = 10\n[output]\ndirectory = \"out/common\"\nhistory_every = 5\n"
-    );
+         [time]\nstep = 1e-5\nsteps = 10\n[output]\ndirectory = \"out/common\"\nhistory_every = 5\n";
     let without = |scene: Scene| Scene { text: String::new(), ..scene };
-    let expected = Scene::parse(&by_itself, "one", Path::new("tests/scenes/parts"), &[])?;
+    let expected = Scene::parse(by_itself, "one", Path::new("tests/scenes/parts"), &[])?;
     let saved = Scene::parse(&scene.text, "saved", Path::new("elsewhere"), &[])?;
     assert!(!scene.text.contains("include"), "{}", scene.text);
     assert_eq!(saved.text, scene.text);

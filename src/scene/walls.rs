@@ -176,32 +176,7 @@ impl<'a> Walls<'a> {
         places.extend(
             names.zip(velocities).filter_map(|(name, given)| Some((name.as_str(), given?))),
         );
-        self.motions.check(|given, name| {
-            let k = self.names.index(name);
-            let (Some(Planned { wall, .. }), Some(domain)) = (k.and_then(|k| self.all[k].as_ref()), domain) else {
-                return;
-            };
-            let Some(course) = &wall.course else { return };
-            let (shifts, turn) = course.fastest();
-            let (mut wall, room) = (wall.clone(), (domain.low(), domain.high()));
-            wall.angular_velocity = Vec3::zeros();
-            let mut speed = 0.0;
-            for shift in shifts {
-                wall.velocity = shift;
-                speed += wall.way(1.0, &room);
-            }
-            (wall.velocity, wall.angular_velocity) = (Vec3::zeros(), turn);
-            speed += wall.way(1.0, &room);
-            if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
-                given.fail(format!(
-                    "moves by up to {:.2e} m in a step towards or from grains within the domain, more than {} % of the \
-                     shortest axis of the smallest grain; motions must be slower by a factor {:.2e}, or `step` shorter",
-                    speed * dt,
-                    100.0 * LONGEST_MOVE,
-                    slower_by(speed * dt, most)
-                ));
-            }
-        });
+        self.check_courses(domain, library, dt);
         let rotations = others.iter().map(|section| section.get("rotation"));
         for (planned, given) in self.all[self.all.len() - others.len()..].iter().zip(rotations) {
             let (Some(Planned { wall, .. }), Some(given), Some(domain)) = (planned, given, domain)
@@ -247,6 +222,36 @@ impl<'a> Walls<'a> {
                 given.fail(wrong);
             }
         }
+    }
+
+    /// The same of walls that follow a course.
+    fn check_courses(&self, domain: Option<&Cell>, library: &Library, dt: Option<f64>) {
+        self.motions.check(|given, name| {
+            let k = self.names.index(name);
+            let (Some(Planned { wall, .. }), Some(domain)) = (k.and_then(|k| self.all[k].as_ref()), domain) else {
+                return;
+            };
+            let Some(course) = &wall.course else { return };
+            let (shifts, turn) = course.fastest();
+            let (mut wall, room) = (wall.clone(), (domain.low(), domain.high()));
+            wall.angular_velocity = Vec3::zeros();
+            let mut speed = 0.0;
+            for shift in shifts {
+                wall.velocity = shift;
+                speed += wall.way(1.0, &room);
+            }
+            (wall.velocity, wall.angular_velocity) = (Vec3::zeros(), turn);
+            speed += wall.way(1.0, &room);
+            if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
+                given.fail(format!(
+                    "moves by up to {:.2e} m in a step towards or from grains within the domain, more than {} % of the \
+                     shortest axis of the smallest grain; motions must be slower by a factor {:.2e}, or `step` shorter",
+                    speed * dt,
+                    100.0 * LONGEST_MOVE,
+                    slower_by(speed * dt, most)
+                ));
+            }
+        });
     }
 
     /// Those that move freely, under gravity [m/s²].
