@@ -50,6 +50,11 @@ pub(super) fn admit_saved(library: &mut Library, header: &Header) {
     }
 }
 
+/// The scene of a snapshot, or of the newest good one of a directory.
+pub(super) fn scene(path: &Path) -> Result<String, SnapshotError> {
+    opened(path).map(|reader| reader.header().scene.clone())
+}
+
 /// Chosen and checked as it is when it is taken up.
 fn opened(path: &Path) -> Result<Reader, SnapshotError> {
     Reader::open_together(path, &mut Alone::default())

@@ -6,15 +6,16 @@
 use super::before;
 use super::fills::Fills;
 use super::flows;
-use super::input::Node;
+use super::form;
 use super::jumps;
 use super::laws;
-use super::matter::Shapes;
+use super::matter::{Materials, Shapes};
 use super::mistakes::Mistakes;
-use super::reader::{Given, Range, Section};
+use super::parts::{Need, Whole};
+use super::reader::{Given, Section};
 use super::room::Room;
 use super::walls::Walls;
-use super::{Fill, Inlet, Method, Rain, Scene, Stop};
+use super::{Fill, FreeWall, Inlet, Method, Outlet, Rain, Scene, Servo, Stop};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
@@ -40,142 +41,40 @@ const ORDER_EVERY: u64 = 5000;
 /// As many shapes and walls as have ids.
 const MOST_IDS: usize = 1 << u16::BITS;
 
-/// Which files that a scene names must be there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Need<'a> {
-    AllFiles,
-    /// All but the snapshot from which the stage begins: it goes on from this one of its own.
-    Snapshot(&'a Path),
-}
-
 /// The checked scene, or `None` if the report has mistakes.
 pub(super) fn scene(
-    root: &Node,
+    Whole { root, folder, text }: Whole,
     mistakes: &Mistakes,
     file: &str,
-    folder: &Path,
-    text: String,
     need: Need,
 ) -> Option<Scene> {
-    let root = Given::root(root, mistakes).section()?;
-    let title = root.read_or("title", file.to_owned(), |given| given.text().map(str::to_owned));
-    let seed = root.read_or("seed", 1, |given| given.whole(0));
-    let gravity = root.vector_or("gravity", Vec3::zeros(), "m/s2");
-    let global_damping = root.number_or("global_damping", 0.0, Range::NotNegative, "1/s");
-    let start = root.read_or("start", None, |given| start(given, need).map(Some));
-
-    let method = root.read_or("contact", Method::Auto, |given| contact(&given.section()?));
-    let kind = laws::kind(&root);
-    let (materials, law) = laws::materials(&root, kind);
-    let mut shapes = Shapes::read(&root, &materials, folder);
-    let domain_section = root.section("domain", "the box of particles, `low` and `high` [m]");
-    let domain = domain_section.as_ref().and_then(domain);
-    let mut walls =
-        Walls::read(&root, domain_section.as_ref(), domain.as_ref(), &materials, folder);
-    let free_walls = walls.free(gravity.unwrap_or_else(Vec3::zeros));
-    let of_free = walls.stress_of_free(&free_walls, domain.as_ref());
-    let law = law.map(|law| laws::under_free_walls(law, kind, of_free));
-
-    let fills = Fills {
-        shapes: &shapes,
-        domain: domain.as_ref(),
-        gravity: gravity.unwrap_or_else(Vec3::zeros),
-        folder,
-    };
-    let inlets = flows::inlets(&root, &fills);
-    let mut fills = fills.read(&root);
-    let outlets = flows::outlets(&root, domain.as_ref());
-    let rain = fills.as_ref().and_then(|(_, rain)| rain.as_ref());
-    let rain = rain.map(|rain| (rain, &shapes.library));
-    flows::check_apart(&root, (inlets.as_ref(), rain), outlets.as_ref(), domain.as_ref());
-    // What follows looks at the sizes of all particles.
-    for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
-        shapes.library.admit(row.shape, row.scale);
-    }
-    limit_numbers(&mut shapes.library, fills.as_ref(), inlets.as_deref());
-    let before = match (need, &start) {
-        (Need::Snapshot(own), _) => before::admit_to_go_on(&mut shapes.library, own),
-        (Need::AllFiles, Some(Some(path))) => before::admit(&mut shapes.library, path),
-        (Need::AllFiles, _) => None,
-    };
-    if shapes.library.most.iter().sum::<f64>() <= 1.0 {
-        // One alone stands for many, as where others are put beside it by a program.
-        shapes.library.most.fill(f64::INFINITY);
-    }
-
-    let law_fits = law
-        .as_ref()
-        .is_some_and(|law| shapes.complete && laws::check_shapes(&root, law, &shapes.library));
-    let limit = law.as_ref().filter(|_| law_fits).map(|law| {
-        let mut library = shapes.library.clone();
-        walls.stand_in(&mut library);
-        Limit::of(law, &library)
-    });
-    let time_section = root.section("time", "`step` [s] and `steps`");
-    let time = time_section.as_ref().and_then(|section| Time::read(section, limit.as_ref()));
-    let dt = time.as_ref().filter(|_| shapes.complete).map(|time| time.dt);
-    let servos = walls.read_servos(&root, domain.as_ref(), &shapes.library, dt);
-    walls.check_speeds(&root, domain_section.as_ref(), domain.as_ref(), &shapes.library, dt);
-    let stop = root.read_or("stop", Stop::default(), |given| stop(&given.section()?, &root));
-    let largest = shapes.library.largest_radius();
-    let neighbours = {
-        let [least, default] = skins(&shapes.library);
-        let neighbours =
-            Neighbours { skin: default, imbalance: IMBALANCE, order_every: ORDER_EVERY };
-        root.read_or("neighbours", neighbours, |given| neighbours.read(&given.section()?, least))
-    };
-    let audit = audit(&root, seed.unwrap_or_default());
-    let output = root.section("output", "`directory`").as_ref().and_then(Output::read);
-    root.finish();
-
-    check_count(&root, shapes.library.shapes.len() + walls.count());
-    if let (Some(cell), Some(start), true) = (&domain, &start, shapes.complete) {
-        let (library, has_start) = (&shapes.library, start.is_some());
-        let seed = seed.unwrap_or_default();
-        let room = Room { root: &root, cell, walls: &walls, library, seed, has_start };
-        if let Some((_, Some(rain))) = &mut fills {
-            room.for_rain(rain);
-        }
-        if let Some(inlets) = &inlets {
-            room.for_inlets(inlets);
-            room.for_amounts(inlets);
-        }
-    }
-    if let (Some(domain), Some(section), Some(Neighbours { skin, .. })) =
-        (&domain, &domain_section, neighbours)
-    {
-        let reach = law.as_ref().map_or(0.0, |law| law.reach(largest));
-        check_periods(section, domain, halo_width(&shapes.library, skin, reach));
-    }
-    if let Some(domain) = &domain {
-        check_shear(&root, domain, gravity, walls.count());
-    }
-    if let (Some(time), Some(section), Some(limit)) = (&time, &time_section, &limit) {
-        limit.check(section, time, &shapes.library);
-    }
-    if let (Some(time), Some(ξ)) = (&time, global_damping) {
-        check_damping(&root, ξ, time.dt);
-    }
-    walls.check_surfaces(&root, &shapes.library, &method.unwrap_or(Method::Auto));
-    if method == Some(Method::CommonNormal) {
-        check_smooth(&root, &shapes.library);
-    }
+    let root = Given::root(&root, mistakes);
+    form::check(&root);
+    let root = root.section()?;
+    let general = General::read(&root, file, need);
+    let mut bodies = Bodies::read(&root, &folder, general.gravity);
+    let mut grains = Grains::read(&root, &folder, &mut bodies, general.gravity);
+    let before = sizes_before(&mut bodies.shapes.library, general.start.as_ref(), need);
+    let course = Course::read(&root, &mut bodies, general.seed, &grains);
+    check_room(&root, &general, &bodies, &mut grains);
+    check_together(&root, &general, &mut bodies, &course);
     if !mistakes.is_empty() {
         return None;
     }
 
+    let Bodies { materials, shapes, walls, free_walls, domain, law, .. } = bodies;
     let left_out = laws::left_out(&root, &materials);
     let mut library = shapes.library;
     let law = law?;
     let jumps = before.and_then(|before| jumps::jumps(&before, &materials, &law, &library));
     let walls = walls.into_library(&mut library)?;
-    let Neighbours { skin, imbalance, order_every } = neighbours?;
-    let (initial, rain) = fills?;
-    let Time { dt, own_step, steps, duration, allow_unstable } = time?;
-    let Output { directory: out, snapshot_every, history_every } = output?;
+    let Neighbours { skin, imbalance, order_every } = course.neighbours?;
+    let (initial, rain) = grains.fills?;
+    let Time { dt, own_step, steps, duration, allow_unstable } = course.time?;
+    let Output { directory: out, snapshot_every, history_every } = course.output?;
     Some(Scene {
-        title: title?,
-        seed: seed?,
+        title: general.title?,
+        seed: general.seed?,
         domain: domain?,
         materials: materials.items.into_iter().collect::<Option<_>>()?,
         law,
@@ -184,31 +83,225 @@ pub(super) fn scene(
         doubtful: mistakes.warnings(),
         library,
         walls,
-        servos: servos?,
+        servos: course.servos?,
         free_walls,
-        method: method?,
-        gravity: gravity?,
-        global_damping: global_damping?,
+        method: general.method?,
+        gravity: general.gravity?,
+        global_damping: general.global_damping?,
         initial,
         rain,
-        inlets: inlets?,
-        outlets: outlets?,
+        inlets: grains.inlets?,
+        outlets: grains.outlets?,
         dt,
         own_step,
         steps,
         duration,
         allow_unstable,
-        stop: stop?,
+        stop: course.stop?,
         skin,
         imbalance,
         order_every,
         snapshot_every,
         history_every,
-        audit: audit?,
+        audit: course.audit?,
         out,
-        start: start?,
+        start: general.start?,
         text,
     })
+}
+
+// --- parts, in the order in which they look at each other ---
+
+/// What concerns all particles, and how contacts are resolved.
+struct General {
+    title: Option<String>,
+    seed: Option<u64>,
+    /// [m/s²]
+    gravity: Option<Vec3>,
+    /// [1/s]
+    global_damping: Option<f64>,
+    #[expect(clippy::option_option, reason = "wrong, none, or one")]
+    start: Option<Option<PathBuf>>,
+    method: Option<Method>,
+}
+
+impl General {
+    fn read(root: &Section, file: &str, need: Need) -> Self {
+        Self {
+            title: root.read_or("title", file.to_owned(), |given| given.text().map(str::to_owned)),
+            seed: root.whole_or("seed", 1),
+            gravity: root.vector_or("gravity", Vec3::zeros()),
+            global_damping: root.number_or("global_damping", 0.0),
+            start: root.optional("start", |given| start(given, need)),
+            method: root.read_or("contact", Method::Auto, |given| contact(&given.section()?)),
+        }
+    }
+}
+
+/// Materials with their law, shapes, the domain and walls.
+struct Bodies<'a> {
+    materials: Materials,
+    law: Option<Choice>,
+    shapes: Shapes,
+    domain_section: Option<Section<'a>>,
+    domain: Option<Cell>,
+    walls: Walls<'a>,
+    free_walls: Vec<FreeWall>,
+}
+
+impl<'a> Bodies<'a> {
+    fn read(root: &Section<'a>, folder: &Path, gravity: Option<Vec3>) -> Self {
+        let kind = laws::kind(root);
+        let (materials, law) = laws::materials(root, kind);
+        let shapes = Shapes::read(root, &materials, folder);
+        let domain_section = root.section("domain");
+        let domain = domain_section.as_ref().and_then(domain);
+        let walls = Walls::read(root, domain_section.as_ref(), domain.as_ref(), &materials, folder);
+        let free_walls = walls.free(gravity.unwrap_or_else(Vec3::zeros));
+        let of_free = walls.stress_of_free(&free_walls, domain.as_ref());
+        let law = law.map(|law| laws::under_free_walls(law, kind, of_free));
+        Self { materials, law, shapes, domain_section, domain, walls, free_walls }
+    }
+
+    /// The stable limit of the time step, if law and shapes go together.
+    fn limit(&self, root: &Section) -> Option<Limit> {
+        let (law, shapes) = (self.law.as_ref()?, &self.shapes);
+        if !shapes.complete || !laws::check_shapes(root, law, &shapes.library) {
+            return None;
+        }
+        let mut library = shapes.library.clone();
+        self.walls.stand_in(&mut library);
+        Some(Limit::of(law, &library))
+    }
+}
+
+/// Particles that are there, that come and that leave.
+struct Grains {
+    fills: Option<(Vec<Fill>, Option<Rain>)>,
+    inlets: Option<Vec<Inlet>>,
+    outlets: Option<Vec<Outlet>>,
+}
+
+impl Grains {
+    /// The library gets the sizes and numbers of all.
+    fn read(root: &Section, folder: &Path, bodies: &mut Bodies, gravity: Option<Vec3>) -> Self {
+        let Bodies { shapes, domain, .. } = bodies;
+        let (domain, gravity) = (domain.as_ref(), gravity.unwrap_or_else(Vec3::zeros));
+        let fills = Fills { shapes: &*shapes, domain, gravity, folder };
+        let inlets = flows::inlets(root, &fills);
+        let fills = fills.read(root);
+        let outlets = flows::outlets(root, domain);
+        let rain = fills.as_ref().and_then(|(_, rain)| rain.as_ref());
+        let rain = rain.map(|rain| (rain, &shapes.library));
+        flows::check_apart(root, (inlets.as_ref(), rain), outlets.as_ref(), domain);
+        for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
+            shapes.library.admit(row.shape, row.scale);
+        }
+        limit_numbers(&mut shapes.library, fills.as_ref(), inlets.as_deref());
+        Self { fills, inlets, outlets }
+    }
+}
+
+/// Makes room in the library for the particles of a stage before. Returns its scene.
+fn sizes_before(
+    library: &mut Library,
+    start: Option<&Option<PathBuf>>,
+    need: Need,
+) -> Option<String> {
+    let before = match (need, start) {
+        (Need::Snapshot(own), _) => before::admit_to_go_on(library, own),
+        (Need::AllFiles, Some(Some(path))) => before::admit(library, path),
+        (Need::AllFiles, _) => None,
+    };
+    if library.most.iter().sum::<f64>() <= 1.0 {
+        // One alone stands for many, as where others are put beside it by a program.
+        library.most.fill(f64::INFINITY);
+    }
+    before
+}
+
+/// Steps, what ends them, and what is written.
+struct Course<'a> {
+    limit: Option<Limit>,
+    time_section: Option<Section<'a>>,
+    time: Option<Time>,
+    servos: Option<Vec<Servo>>,
+    stop: Option<Stop>,
+    neighbours: Option<Neighbours>,
+    audit: Option<Audit>,
+    output: Option<Output>,
+}
+
+impl<'a> Course<'a> {
+    fn read(root: &Section<'a>, bodies: &mut Bodies, seed: Option<u64>, grains: &Grains) -> Self {
+        let limit = bodies.limit(root);
+        let Bodies { walls, domain, domain_section, shapes, .. } = bodies;
+        let (domain, library) = (domain.as_ref(), &shapes.library);
+        let time_section = root.section("time");
+        let time = time_section.as_ref().and_then(|section| Time::read(section, limit.as_ref()));
+        let dt = time.as_ref().filter(|_| shapes.complete).map(|time| time.dt);
+        let servos = walls.read_servos(root, domain, library, dt);
+        walls.check_speeds(root, domain_section.as_ref(), domain, library, dt);
+        let stop = root.read_or("stop", Stop::default(), |given| {
+            stop(&given.section()?, grains, root.get("servo").is_some())
+        });
+        let [least, skin] = skins(library);
+        let default = Neighbours { skin, imbalance: IMBALANCE, order_every: ORDER_EVERY };
+        let neighbours =
+            root.read_or("neighbours", default, |given| default.read(&given.section()?, least));
+        let audit = audit(root, seed.unwrap_or_default());
+        let output = root.section("output").as_ref().and_then(Output::read);
+        Self { limit, time_section, time, servos, stop, neighbours, audit, output }
+    }
+}
+
+/// Is there room for what is to come?
+fn check_room(root: &Section, general: &General, bodies: &Bodies, grains: &mut Grains) {
+    let Bodies { walls, shapes, .. } = bodies;
+    let count = shapes.library.shapes.len() + walls.count();
+    if count > MOST_IDS {
+        root.fail(format!("has {count} shapes and walls; must be at most {MOST_IDS}"));
+    }
+    let (Some(cell), Some(start), true) = (&bodies.domain, &general.start, shapes.complete) else {
+        return;
+    };
+    let (library, has_start) = (&shapes.library, start.is_some());
+    let seed = general.seed.unwrap_or_default();
+    let room = Room { root, cell, walls, library, seed, has_start };
+    if let Some((_, Some(rain))) = &mut grains.fills {
+        room.for_rain(rain);
+    }
+    if let Some(inlets) = &grains.inlets {
+        room.for_inlets(inlets);
+        room.for_amounts(inlets);
+    }
+}
+
+/// Looks at what concerns several parts.
+fn check_together(root: &Section, general: &General, bodies: &mut Bodies, course: &Course) {
+    let Bodies { domain, domain_section, law, shapes, walls, .. } = bodies;
+    let library = &shapes.library;
+    if let (Some(domain), Some(section), Some(Neighbours { skin, .. })) =
+        (&*domain, &*domain_section, course.neighbours)
+    {
+        let reach = law.as_ref().map_or(0.0, |law| law.reach(library.largest_radius()));
+        check_periods(section, domain, halo_width(library, skin, reach));
+    }
+    if let Some(domain) = &*domain {
+        check_shear(root, domain, general.gravity, walls.count());
+    }
+    if let (Some(time), Some(section), Some(limit)) =
+        (&course.time, &course.time_section, &course.limit)
+    {
+        limit.check(section, time, library);
+    }
+    if let (Some(time), Some(ξ)) = (&course.time, general.global_damping) {
+        check_damping(root, ξ, time.dt);
+    }
+    walls.check_surfaces(root, library, &general.method.unwrap_or(Method::Auto));
+    if general.method == Some(Method::CommonNormal) {
+        check_smooth(root, library);
+    }
 }
 
 /// Limits how many particles of each shape there can be to those that the scene has and those that come.
@@ -262,9 +355,9 @@ fn skins(library: &Library) -> [f64; 2] {
 // --- domain ---
 
 fn domain(section: &Section) -> Option<Cell> {
-    let low = section.vector("low", "m");
-    let high = section.vector("high", "m");
-    let periodic = section.read_or("periodic", [false; 3], Given::three_booleans);
+    let low = section.vector("low");
+    let high = section.vector("high");
+    let periodic = section.read_or("periodic", [false; 3], |given| given.list_of(Given::boolean));
     let sheared = section.get("shear");
     let (low, high) = (low?, high?);
     let flat: Vec<&str> =
@@ -284,8 +377,8 @@ fn domain(section: &Section) -> Option<Cell> {
 fn shear(given: &Given, cell: &Cell) -> Option<Shear> {
     let section = given.section()?;
     let words = [("x", 0), ("y", 1), ("z", 2)];
-    let axis = |key, what| {
-        section.require(key, what, |given| {
+    let axis = |key| {
+        section.require(key).and_then(|given| {
             let axis = given.one_of(&words)?;
             if cell.period(axis).is_none() {
                 given.fail(format!(
@@ -297,10 +390,9 @@ fn shear(given: &Given, cell: &Cell) -> Option<Shear> {
             Some(axis)
         })
     };
-    let along = axis("along", "the axis of the velocity, \"x\", \"y\" or \"z\"");
-    let across = axis("across", "the axis along which the velocity grows");
-    let rate = section.number("rate", Range::Any, "1/s");
-    section.finish();
+    let along = axis("along");
+    let across = axis("across");
+    let rate = section.number("rate");
     let (along, across, rate) = (along?, across?, rate?);
     if along == across {
         section.get("across")?.fail("must be another axis than `along`");
@@ -333,7 +425,7 @@ fn check_shear(root: &Section, domain: &Cell, gravity: Option<Vec3>, walls: usiz
              in place of `shear`",
         );
     }
-    if let Some(given) = root.get("fill").and_then(|fill| fill.section()?.get("rain")) {
+    if let Some(given) = root.section("fill").and_then(|fill| fill.get("rain")) {
         given.fail("not in a sheared domain: take [[fill.lattice]] or [[fill.file]], or `start` from a stage without `shear`");
     }
 }
@@ -371,21 +463,15 @@ fn contact(section: &Section) -> Option<Method> {
         given => Some(given),
     };
     let option = |key, default, methods: &[&str]| {
-        setting(key, methods)?.map_or(Some(default), |given| given.number(Range::BelowOne, ""))
+        setting(key, methods)?.map_or(Some(default), |given| given.number())
     };
     let flag = |key, method| setting(key, &[method])?.map_or(Some(true), |given| given.boolean());
     let ratio = option("erosion_ratio", ErodedGjk::default().ratio, &["gjk-erosion"]);
     let increment = option("erosion_increment", ErodedGjk::default().increment, &["gjk-erosion"]);
-    if let (Some(increment), Some(given)) = (increment, section.get("erosion_increment"))
-        && increment < ErodedGjk::LEAST_INCREMENT
-    {
-        given.fail(format!("must be at least {}", ErodedGjk::LEAST_INCREMENT));
-    }
     let default_tolerance =
         if word == Some("epa") { Epa::default().tolerance } else { ErodedGjk::default().tolerance };
     let tolerance = option("tolerance", default_tolerance, &["gjk-erosion", "epa"]);
     let (spurious, polish) = (flag("spurious", "gjk-erosion"), flag("polish", "epa"));
-    section.finish();
     let (ratio, increment, tolerance) = (ratio?, increment?, tolerance?);
     let (spurious, polish) = (spurious?, polish?);
     Some(match word? {
@@ -405,9 +491,8 @@ fn check_smooth(root: &Section, library: &Library) {
         .filter(|(_, shape)| !shape.kind().is_smooth())
         .map(|(name, shape)| format!("`{name}` ({})", shape.kind().name()))
         .collect();
-    if let (false, Some(given)) = (edged.is_empty(), root.get("contact"))
-        && let Some((_, method)) =
-            given.entries().and_then(|all| all.into_iter().find(|(key, _)| *key == "method"))
+    if !edged.is_empty()
+        && let Some(method) = root.section("contact").and_then(|contact| contact.get("method"))
     {
         method.fail(format!(
             "not for {}, which have edges or flat sides; take \"auto\", \"gjk-erosion\" or \"epa\"",
@@ -416,26 +501,24 @@ fn check_smooth(root: &Section, library: &Library) {
     }
 }
 
-fn stop(section: &Section, root: &Section) -> Option<Stop> {
-    let limit =
-        |key| section.read_or(key, None, |given| given.number(Range::BelowOne, "").map(Some));
+fn stop(section: &Section, grains: &Grains, has_servo: bool) -> Option<Stop> {
+    let limit = |key| section.optional(key, Given::number);
     let (rest, unbalanced, servo) = (limit("rest"), limit("unbalanced"), limit("servo"));
-    let count = |key, least| section.read_or(key, None, |given| given.whole(least).map(Some));
-    let (left, remaining) = (count("left", 1), count("remaining", 0));
-    let after = section.number_or("after", 0.0, Range::NotNegative, "s");
-    section.finish();
-    let is_endless = |inlet: &Section| inlet.get("count").or_else(|| inlet.get("mass")).is_none();
+    let count = |key| section.optional(key, Given::whole);
+    let (left, remaining) = (count("left"), count("remaining"));
+    let after = section.number_or("after", 0.0);
+    let is_endless = |inlet: &Inlet| inlet.until.is_none();
     if let Some(given) = section.get("remaining")
-        && root.sections("inlet").iter().any(is_endless)
+        && grains.inlets.iter().flatten().any(is_endless)
     {
         given.fail("never holds: an [[inlet]] without `count` or `mass` has always particles still to come");
     }
     for key in ["left", "remaining"] {
-        if let (Some(given), None) = (section.get(key), root.get("outlet")) {
+        if let (Some(given), Some([])) = (section.get(key), grains.outlets.as_deref()) {
             given.fail("there is no [[outlet]]");
         }
     }
-    if let (Some(given), None) = (section.get("servo"), root.get("servo")) {
+    if let (Some(given), false) = (section.get("servo"), has_servo) {
         given.fail("there is no [[servo]]");
     }
     let drives = servo?.map(|limit| ("servo".to_owned(), limit)).into_iter().collect();
@@ -459,10 +542,9 @@ struct Neighbours {
 impl Neighbours {
     /// Reads a section; the skin is this at least [m].
     fn read(self, section: &Section, least: f64) -> Option<Self> {
-        let skin = section.number_or("skin", self.skin, Range::NotNegative, "m");
-        let imbalance = section.number_or("imbalance", self.imbalance, Range::FromOne, "");
-        let order_every = section.read_or("order_every", self.order_every, |given| given.whole(1));
-        section.finish();
+        let skin = section.number_or("skin", self.skin);
+        let imbalance = section.number_or("imbalance", self.imbalance);
+        let order_every = section.whole_or("order_every", self.order_every);
         Some(Self { skin: skin?.max(least), imbalance: imbalance?, order_every: order_every? })
     }
 }
@@ -472,21 +554,14 @@ fn audit(root: &Section, seed: u64) -> Option<Audit> {
     let default = Audit { every: Audit::EVERY, contacts: None, seed };
     root.read_or("audit", default, |given| {
         let section = given.section()?;
-        let every = section.read_or("every", default.every, |given| given.whole(0));
-        let contacts = section.read_or("contacts", None, |given| given.whole(1).map(Some));
-        let seed = section.read_or("seed", seed, |given| given.whole(0));
-        section.finish();
+        let every = section.whole_or("every", default.every);
+        let contacts = section.optional("contacts", Given::whole);
+        let seed = section.whole_or("seed", seed);
         if let (Some(0), Some(given)) = (every, section.get("contacts")) {
             given.fail("there is no audit: `every` is 0");
         }
         Some(Audit { every: every?, contacts: contacts?, seed: seed? })
     })
-}
-
-fn check_count(root: &Section, bodies: usize) {
-    if bodies > MOST_IDS {
-        root.fail(format!("has {bodies} shapes and walls; must be at most {MOST_IDS}"));
-    }
 }
 
 /// `damping` in 1/s, `dt` in s.
@@ -509,18 +584,15 @@ struct Time {
 
 impl Time {
     fn read(section: &Section, limit: Option<&Limit>) -> Option<Self> {
-        let what = "a number greater than 0 [s], or \"auto\"";
-        let dt = section.require("step", what, |given| match given.as_text() {
-            Some("auto") => limit?.own_step(given),
-            Some(_) => given.expected(&what),
-            None => given.number(Range::Positive, "s"),
-        });
-        let own_step = section.get("step").is_some_and(|given| given.as_text().is_some());
+        let step = section.get("step");
+        let own_step = step.as_ref().is_some_and(|given| given.text().is_some());
+        let dt =
+            step.and_then(|given| if own_step { limit?.own_step(&given) } else { given.number() });
         let mut duration = None;
         let steps = match (section.get("steps"), section.get("duration")) {
-            (Some(steps), None) => steps.whole(0),
+            (Some(steps), None) => steps.whole(),
             (None, Some(given)) => {
-                duration = given.number(Range::Positive, "s");
+                duration = given.number();
                 let steps = duration.zip(dt).map(|(duration, dt)| steps_of(duration, dt));
                 if steps.is_some_and(|steps| steps > MOST_STEPS) {
                     given.fail("is more steps than can be counted");
@@ -536,8 +608,7 @@ impl Time {
                 None
             }
         };
-        let allow_unstable = section.read_or("allow_unstable", false, Given::boolean);
-        section.finish();
+        let allow_unstable = section.boolean_or("allow_unstable", false);
         let (dt, steps, allow_unstable) = (dt?, steps?, allow_unstable?);
         Some(Self { dt, own_step, steps, duration, allow_unstable })
     }
@@ -596,10 +667,9 @@ struct Output {
 
 impl Output {
     fn read(section: &Section) -> Option<Self> {
-        let directory = section.require("directory", "where files go", Given::text);
-        let snapshot_every = section.read_or("snapshot_every", 0, |given| given.whole(0));
-        let history_every = section.read_or("history_every", 100, |given| given.whole(0));
-        section.finish();
+        let directory = section.require("directory").and_then(|given| given.text());
+        let snapshot_every = section.whole_or("snapshot_every", 0);
+        let history_every = section.whole_or("history_every", 100);
         Some(Self {
             directory: directory?.into(),
             snapshot_every: snapshot_every?,

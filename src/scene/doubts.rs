@@ -1,6 +1,6 @@
 //! What the program knows to be doubtful about a scene before it runs.
 
-use super::laws::stress_of_force;
+use super::walls::stress_of_force;
 use super::{Fill, Goal, Inlet, LeftOut, Method, Mix, Outlet, Rain, Scene, Servo};
 use crate::cell::{AXES, SIDES};
 use crate::drive::inlet::MOST_AT_ONCE;

@@ -2,7 +2,7 @@
 
 use super::matter::Shapes;
 use super::orientations::orientations;
-use super::reader::{Range, Section};
+use super::reader::{Given, Section};
 use super::regions::region;
 use super::room::least_volume;
 use super::sizes::by;
@@ -44,7 +44,7 @@ impl Fills<'_> {
             return Some((Vec::new(), None));
         };
         let fill = given.section()?;
-        let rain = fill.read_or("rain", None, |given| self.rain(&given.section()?).map(Some));
+        let rain = fill.optional("rain", |given| self.rain(&given.section()?));
         let mut initial: Vec<Option<Fill>> =
             fill.sections("lattice").iter().map(|s| self.lattice(s).map(Fill::Lattice)).collect();
         for section in fill.sections("file") {
@@ -54,7 +54,6 @@ impl Fills<'_> {
         if let Some(crowd) = self.crowd(&initial) {
             fill.fail(crowd);
         }
-        fill.finish();
         if initial.is_empty() && matches!(rain, Some(None)) {
             fill.fail(format!("has nothing in it; give {kinds}"));
         }
@@ -76,22 +75,20 @@ impl Fills<'_> {
             Some(entries) => entries
                 .iter()
                 .map(|(name, share)| {
-                    let (index, share) =
-                        (names.find(share, name), share.number(Range::Positive, ""));
+                    let (index, share) = (names.find(share, name), share.number());
                     Some((ShapeId(index? as u16), share?))
                 })
                 .collect(),
             None => given
-                .list("a list of shapes, or { shape = share, ... }")?
+                .list()?
                 .iter()
                 .map(|item| Some((ShapeId(names.find(item, item.text()?)? as u16), 1.0)))
                 .collect(),
         };
+        let mut shares: Vec<(ShapeId, f64)> = shares.into_iter().collect::<Option<_>>()?;
         if shares.is_empty() {
-            given.fail("must name a shape");
             return None;
         }
-        let mut shares: Vec<(ShapeId, f64)> = shares.into_iter().collect::<Option<_>>()?;
         shares.sort_by_key(|&(shape, _)| shape);
         if shares.windows(2).any(|pair| pair[0].0 == pair[1].0) {
             given.fail("names a shape twice");
@@ -113,14 +110,14 @@ impl Fills<'_> {
 
     fn rain(&self, section: &Section) -> Option<Rain> {
         let mix = self.mix(section);
-        let count = section.require("count", "a whole number, 1 or greater", |given| {
-            given.whole(1).filter(|&count| is_possible(section, count as f64))
-        });
-        let every = section.read_or("every", 100, |given| given.whole(1));
-        let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
+        let count = section
+            .require("count")
+            .and_then(|given| given.whole().filter(|&count| is_possible(section, count as f64)));
+        let every = section.whole_or("every", 100);
+        let velocity = section.vector_or("velocity", Vec3::zeros());
         let diameter = self.diameter(mix.as_ref());
         let spacing = section.read_or("spacing", diameter.map(|d| ROOMY * d), |given| {
-            let spacing = given.number(Range::Positive, "m")?;
+            let spacing = given.number()?;
             if diameter.is_some_and(|d| spacing < d) {
                 let least = diameter.unwrap_or_default();
                 given
@@ -129,13 +126,11 @@ impl Fills<'_> {
             }
             Some(Some(spacing))
         });
-        let corner =
-            |key| section.read_or(key, None, |given| given.vector(Range::Any, "m").map(Some));
+        let corner = |key| section.optional(key, Given::vector);
         let orientations = orientations(section);
         let is_round = section.get("axis").or_else(|| section.get("radius")).is_some();
         let cylinder = is_round.then(|| region(section, false));
         let (low, high) = (corner("low"), corner("high"));
-        section.finish();
         let (velocity, domain, spacing) = (velocity?, self.domain?, spacing??);
         let (low, high) = match &cylinder {
             Some(cylinder) => cylinder.as_ref()?.bounds()?,
@@ -164,7 +159,7 @@ impl Fills<'_> {
             };
             section.get(key).map_or_else(|| section.fail(&what), |given| given.fail(&what));
         }
-        cells_between(section, &low, &high, &Vec3::repeat(spacing))?;
+        cells_between(section, rain.within.is_some(), &low, &high, &Vec3::repeat(spacing))?;
         self.check_room(section, &rain, domain);
         if self.gravity == Vec3::zeros() && velocity == Vec3::zeros() {
             section.fail("does not fall: gravity and `velocity` are 0");
@@ -209,25 +204,23 @@ impl Fills<'_> {
 
     fn lattice(&self, section: &Section) -> Option<Lattice> {
         let mix = self.mix(section);
-        let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
+        let velocity = section.vector_or("velocity", Vec3::zeros());
         let orientations = orientations(section);
         let diameter = self.diameter(mix.as_ref());
         let spacing =
             section.read_or("spacing", diameter.map(|d| Vec3::repeat(ROOMY * d)), |given| {
-                given.number_or_vector(Range::Positive, "m").map(Some)
+                given.number().map_or_else(|| given.vector(), |x| Some(Vec3::repeat(x))).map(Some)
             });
-        let corner =
-            |key| section.read_or(key, None, |given| given.vector(Range::Any, "m").map(Some));
+        let corner = |key| section.optional(key, Given::vector);
         let (low, high) = (corner("low"), corner("high"));
         let first = corner("first");
-        let count = section.read_or("count", None, |given| given.three_counts().map(Some));
-        let jitter = section.read_or("jitter", 0.0, |given| given.number(Range::NotNegative, "m"));
-        section.finish();
+        let count = section.optional("count", |given| given.list_of(count));
+        let jitter = section.number_or("jitter", 0.0);
         let (spacing, domain, jitter) = (spacing??, self.domain?, jitter?);
         let (first, count) = match (low?, high?, first?, count?) {
             (low, high, None, None) => {
                 let (low, high) = (low.unwrap_or(domain.low()), high.unwrap_or(domain.high()));
-                let cells = cells_between(section, &low, &high, &spacing)?;
+                let cells = cells_between(section, false, &low, &high, &spacing)?;
                 // In the middle of the box.
                 let span = Vec3::from_fn(|axis, _| f64::from(cells[axis] - 1) * spacing[axis]);
                 ((low + high - span) * 0.5, cells)
@@ -298,7 +291,7 @@ impl Fills<'_> {
     }
 
     fn file(&self, section: &Section, first_id: u64) -> Option<Fill> {
-        let rows = section.require("path", "a CSV file", |given| {
+        let rows = section.require("path").and_then(|given| {
             let path = self.folder.join(given.text()?);
             let names: Vec<&str> = self.shapes.names.all.iter().map(String::as_str).collect();
             if names.is_empty() {
@@ -332,7 +325,6 @@ impl Fills<'_> {
                 }
             }
         });
-        section.finish();
         rows.map(Fill::Listed)
     }
 
@@ -363,13 +355,28 @@ impl Fills<'_> {
     }
 }
 
-/// How many cells fit between two corners, at least one along each axis.
-fn cells_between(section: &Section, low: &Vec3, high: &Vec3, cell: &Vec3) -> Option<[u32; 3]> {
+/// How many there are along an axis.
+fn count(given: &Given) -> Option<u32> {
+    let count = u32::try_from(given.whole()?).ok();
+    if count.is_none() {
+        given.fail("is too large");
+    }
+    count
+}
+
+/// How many cells fit between two corners, or into the cylinder that they are around, at least one along each axis.
+fn cells_between(
+    section: &Section,
+    is_round: bool,
+    low: &Vec3,
+    high: &Vec3,
+    cell: &Vec3,
+) -> Option<[u32; 3]> {
     let extent = high - low;
     let cells = [0, 1, 2].map(|axis| cells_along(extent[axis], cell[axis]));
     if let Some(axis) = cells.iter().position(|&count| count == 0) {
         let (name, extent, cell) = (AXES[axis], extent[axis], cell[axis]);
-        section.fail(if section.get("axis").is_some() {
+        section.fail(if is_round {
             format!(
                 "no particle fits into the cylinder of `axis` and `radius` along {name}: it is {extent:.4e} m wide there, a cell is \
                  {cell:.4e} m wide (`spacing`)"

@@ -2,7 +2,7 @@
 
 use super::fills::Fills;
 use super::orientations::orientations;
-use super::reader::{Range, Section};
+use super::reader::Section;
 use super::regions::region;
 use super::{Inlet, Outlet, Rain};
 use crate::cell::{AXES, Cell};
@@ -28,10 +28,9 @@ pub(super) fn outlets(root: &Section, domain: Option<&Cell>) -> Option<Vec<Outle
     let mut names = Vec::new();
     let read = |section: &Section| {
         let name = name(section, &mut names);
-        let every = section.read_or("every", LOOK_EVERY, |given| given.whole(1));
+        let every = section.whole_or("every", LOOK_EVERY);
         let region = region(section, true);
         let list = list(section, name.as_deref());
-        section.finish();
         let (region, domain) = (region?, domain?);
         if let Region::Behind { normal, .. } = region
             && let Some(axis) =
@@ -85,8 +84,7 @@ pub(super) fn check_apart(
     };
     if let Some(places) = rain.map(places)
         && let Some(problem) = taken(places)
-        && let Some(fill) = root.get("fill").and_then(|fill| fill.section())
-        && let Some(given) = fill.get("rain")
+        && let Some(given) = root.section("fill").and_then(|fill| fill.get("rain"))
     {
         given.fail(problem);
     }
@@ -98,12 +96,8 @@ pub(super) fn inlets(root: &Section, fills: &Fills) -> Option<Vec<Inlet>> {
     let sections = root.sections("inlet");
     let all: Vec<Option<Inlet>> =
         sections.iter().map(|section| inlet(section, fills, &mut names)).collect();
-    if let (Some(section), Some(_)) = (
-        sections.first(),
-        root.get("fill")
-            .and_then(|fill| fill.entries())
-            .and_then(|all| all.into_iter().find(|(key, _)| *key == "rain")),
-    ) {
+    let rain = root.section("fill").and_then(|fill| fill.get("rain"));
+    if let (Some(section), Some(_)) = (sections.first(), rain) {
         section.fail("not together with [fill.rain], whose layers do not look for its particles; take a second [[inlet]]");
     }
     if let (Some(section), Some(_)) = (sections.first(), fills.domain.and_then(Cell::shear)) {
@@ -116,9 +110,8 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
     let name = name(section, names);
     let mix = fills.mix(section);
     let region = region(section, false);
-    let amount = |count: &'static str, unit: &str, mass: &'static str, unit_of_mass: &str| {
-        let given = [(count, unit), (mass, unit_of_mass)]
-            .map(|(key, unit)| section.get(key).map(|given| given.number(Range::Positive, unit)));
+    let amount = |count: &str, mass: &str| {
+        let given = [count, mass].map(|key| section.get(key).map(|given| given.number()));
         match given {
             [Some(_), Some(_)] => {
                 section.fail(format!("give either `{count}` or `{mass}`"));
@@ -129,8 +122,8 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
             [None, None] => Some(None),
         }
     };
-    let rate = amount("rate", "1/s", "mass_rate", "kg/s");
-    let until = amount("count", "", "mass", "kg");
+    let rate = amount("rate", "mass_rate");
+    let until = amount("count", "mass");
     if let (Some(Some(Amount::Count(count))), Some(given)) = (until, section.get("count"))
         && count.fract() != 0.0
     {
@@ -139,14 +132,13 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
     if rate == Some(None) {
         section.fail("`rate` is missing: particles per second [1/s]; or `mass_rate` [kg/s]");
     }
-    let begin = section.number_or("begin", 0.0, Range::NotNegative, "s");
-    let every = section.read_or("every", ENTER_EVERY, |given| given.whole(1));
-    let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
-    let spread = section.number_or("spread", 0.0, Range::NotNegative, "m/s");
-    let spin = section.number_or("spin", 0.0, Range::NotNegative, "rad/s");
+    let begin = section.number_or("begin", 0.0);
+    let every = section.whole_or("every", ENTER_EVERY);
+    let velocity = section.vector_or("velocity", Vec3::zeros());
+    let spread = section.number_or("spread", 0.0);
+    let spin = section.number_or("spin", 0.0);
     let orientations = orientations(section);
     let list = list(section, name.as_deref());
-    section.finish();
     let (region, domain, velocity, spread) = (region?, fills.domain?, velocity?, spread?);
     let (low, high) = region.bounds()?;
     if let Some(axis) =
@@ -201,7 +193,7 @@ fn list(section: &Section, name: Option<&str>) -> Option<bool> {
 
 /// A name that no other has, and of which columns of `history.csv` are not those of another: masses end in `_kg`.
 fn name(section: &Section, names: &mut Vec<String>) -> Option<String> {
-    section.require("name", "any text", |given| {
+    section.require("name").and_then(|given| {
         let name = given.text()?.to_owned();
         if names.contains(&name) {
             given.fail("another has this name");

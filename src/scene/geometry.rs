@@ -1,6 +1,6 @@
 //! The geometry of a shape: from the file as written.
 
-use super::reader::{Given, Range, Section};
+use super::reader::{Given, Section};
 use crate::math::Vec3;
 use crate::shape::hull::HullError;
 use crate::shape::polyhedron::corners_only;
@@ -41,23 +41,30 @@ pub(super) fn keys(kind: Kind) -> Option<&'static [&'static str]> {
     reader(kind).map(|reader| reader.keys)
 }
 
+/// May a shape of this kind have a key? One of an unknown kind may have those of all.
+pub(super) fn has(kind: Option<Kind>, key: &str) -> bool {
+    let own = kind.and_then(keys);
+    let is_of_kinds = || Kind::ALL.into_iter().filter_map(keys).any(|keys| keys.contains(&key));
+    own.is_none_or(|own| own.contains(&key)) || !is_of_kinds()
+}
+
+/// May the shape of a section have a key?
+pub(super) fn has_key(section: &Section, key: &str) -> bool {
+    let kind = section.get("kind");
+    let word = kind.as_ref().and_then(Given::text);
+    has(Kind::ALL.into_iter().find(|kind| Some(kind.name()) == word), key)
+}
+
 /// The shape that a section means.
 pub(super) fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
     let readers: Vec<(&str, Reader)> =
         Kind::ALL.into_iter().filter_map(|kind| Some((kind.name(), reader(kind)?))).collect();
-    let what = "\"sphere\", \"ellipsoid\", ...";
-    if let Some(reader) = section.require("kind", what, |given| given.one_of(&readers)) {
-        return (reader.read)(section, folder);
-    }
-    // Which sizes are allowed is not known.
-    for key in readers.iter().flat_map(|(_, reader)| reader.keys) {
-        section.get(key);
-    }
-    None
+    let reader = section.require("kind").and_then(|given| given.one_of(&readers))?;
+    (reader.read)(section, folder)
 }
 
 fn sphere(section: &Section, _: &Path) -> Option<Shape> {
-    let size = |given: Given| given.number(Range::Positive, "m");
+    let size = |given: Given| given.number();
     let radius = match (section.get("radius"), section.get("diameter")) {
         (Some(radius), None) => size(radius),
         (None, Some(diameter)) => size(diameter).map(|d| 0.5 * d),
@@ -77,10 +84,10 @@ fn ellipsoid(section: &Section, _: &Path) -> Option<Shape> {
     let axes = section.get("semi_axes");
     let (diameter, ratio) = (section.get("diameter"), section.get("aspect_ratio"));
     let semi_axes = match (axes, diameter, ratio) {
-        (Some(axes), None, None) => axes.vector(Range::Positive, "m"),
+        (Some(axes), None, None) => axes.vector(),
         (None, Some(diameter), Some(ratio)) => {
-            let diameter = diameter.number(Range::Positive, "m");
-            let ratio = ratio.number(Range::Positive, "");
+            let diameter = diameter.number();
+            let ratio = ratio.number();
             let (diameter, ratio) = (diameter?, ratio?);
             // (d/2)³ = a b b with a = ratio · b
             let short = 0.5 * diameter / libm::cbrt(ratio);
@@ -98,37 +105,26 @@ fn ellipsoid(section: &Section, _: &Path) -> Option<Shape> {
 }
 
 fn superellipsoid(section: &Section, _: &Path) -> Option<Shape> {
-    let semi_axes = semi_axes(section, "semi_axes");
+    let semi_axes = section.vector("semi_axes");
     let exponents = exponents(section);
     Some(Shape::Superellipsoid(Superellipsoid::new(semi_axes?, exponents?)))
 }
 
 fn poly_superellipsoid(section: &Section, _: &Path) -> Option<Shape> {
-    let positive = semi_axes(section, "semi_axes_positive");
-    let negative = semi_axes(section, "semi_axes_negative");
+    let positive = section.vector("semi_axes_positive");
+    let negative = section.vector("semi_axes_negative");
     let exponents = exponents(section);
     let shape = PolySuperellipsoid::new(positive?, negative?, exponents?);
     Some(Shape::PolySuperellipsoid(Box::new(shape)))
 }
 
-fn semi_axes(section: &Section, key: &'static str) -> Option<Vec3> {
-    let what = "a list of three numbers greater than 0 [m]";
-    section.require(key, what, |given| given.vector(Range::Positive, "m"))
-}
-
 fn exponents(section: &Section) -> Option<[f64; 2]> {
-    let range = Superellipsoid::EXPONENTS;
-    let (least, most) = (range.start(), range.end());
-    let what = &*format!("a list of two: [e1, e2], each a number from {least} to {most}");
-    section.require("exponents", what, |given| {
-        let [along, across] = given.list_of(what)?.map(|item| item.number(Range::Exponent, ""));
-        Some([along?, across?])
-    })
+    section.require("exponents")?.list_of(Given::number)
 }
 
 fn spherocylinder(section: &Section, _: &Path) -> Option<Shape> {
-    let length = section.number("length", Range::Positive, "m");
-    let radius = section.number("radius", Range::Positive, "m");
+    let length = section.number("length");
+    let radius = section.number("radius");
     Some(Shape::Spherocylinder(Spherocylinder { length: length?, radius: radius? }))
 }
 
@@ -138,7 +134,7 @@ fn polyhedron(section: &Section, folder: &Path) -> Option<Shape> {
 }
 
 fn rounded_polyhedron(section: &Section, folder: &Path) -> Option<Shape> {
-    let radius = section.number("radius", Range::Positive, "m");
+    let radius = section.number("radius");
     // Corners are checked whatever the radius.
     let rounded = |points: &[Vec3]| RoundedPolyhedron::new(points, radius.unwrap_or_default());
     let solid = solid(section, folder, rounded)?;
@@ -157,14 +153,15 @@ fn solid<T>(
     folder: &Path,
     build: impl Fn(&[Vec3]) -> Result<T, HullError>,
 ) -> Option<T> {
-    let scale = section.number_or("scale", 1.0, Range::Positive, "");
+    let scale = section.number_or("scale", 1.0);
     let ways = ["vertices", "edges", "file"].map(|key| section.get(key));
     if let ([Some(_), _, None] | [_, Some(_), None], Some(scale)) = (&ways, section.get("scale")) {
         scale.fail("only for a `file`; `vertices` and `edges` are in metres");
     }
     let (given, points) = match ways {
         [Some(vertices), None, None] => {
-            let points = vertices.points("m")?;
+            let points: Option<Vec<Vec3>> = vertices.list()?.iter().map(Given::vector).collect();
+            let points = points?;
             if let Err(error @ HullError::WithinFace { .. }) = corners_only(&points) {
                 vertices.fail(error);
                 return None;
@@ -172,7 +169,7 @@ fn solid<T>(
             (vertices, points)
         }
         [None, Some(edges), None] => {
-            let lengths = edges.vector(Range::Positive, "m")?;
+            let lengths = edges.vector()?;
             (edges, corners_of_box(&lengths))
         }
         [None, None, Some(file)] => {

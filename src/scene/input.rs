@@ -94,10 +94,14 @@ fn bare_point(text: &str, place: usize) -> Option<String> {
     (written != number).then(|| shown(written))
 }
 
-/// The file and the overrides, or `None` if the text is not TOML (the report says where).
-pub(super) fn read(text: &str, overrides: &[String], mistakes: &Mistakes) -> Option<Node> {
+/// What a text says, or `None` if it is not TOML (the report says where); `at` is where its lines are.
+pub(super) fn read(
+    text: &str,
+    at: &dyn Fn(usize) -> Location,
+    mistakes: &Mistakes,
+) -> Option<Node> {
     let lines = Lines::of(text);
-    let location = |offset: usize| Location::Line(lines.at(offset));
+    let location = |offset: usize| at(lines.at(offset));
     let (table, errors) = DeTable::parse_recoverable(text);
     for error in &errors {
         let location = error.span().map_or(Location::File, |span| location(span.start));
@@ -107,14 +111,7 @@ pub(super) fn read(text: &str, overrides: &[String], mistakes: &Mistakes) -> Opt
         return None;
     }
     let value = Value::Table(table_of(table.get_ref(), &location));
-    let mut root = Node { value, location: Location::File };
-    for text in overrides {
-        let location = Location::Override(text.clone());
-        if let Err(message) = apply(&mut root, text, &location) {
-            mistakes.add(&location, message);
-        }
-    }
-    Some(root)
+    Some(Node { value, location: Location::File })
 }
 
 /// The whole input as TOML text.
@@ -162,6 +159,16 @@ fn value_of(value: &DeValue, location: &dyn Fn(usize) -> Location) -> Value {
 }
 
 // --- overrides ---
+
+/// Applies the overrides of the command line.
+pub(super) fn apply_all(root: &mut Node, overrides: &[String], mistakes: &Mistakes) {
+    for text in overrides {
+        let location = Location::Override(text.clone());
+        if let Err(message) = apply(root, text, &location) {
+            mistakes.add(&location, message);
+        }
+    }
+}
 
 /// Applies `path.to.key=value`. A word that is not a TOML value is taken as a string.
 fn apply(root: &mut Node, text: &str, location: &Location) -> Result<(), String> {

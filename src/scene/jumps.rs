@@ -3,7 +3,7 @@
 use super::input;
 use super::laws;
 use super::matter::Materials;
-use super::mistakes::Mistakes;
+use super::mistakes::{Location, Mistakes};
 use super::reader::Given;
 use crate::ids::{MaterialId, ShapeId};
 use crate::law::{Beside, Body, Choice};
@@ -119,7 +119,7 @@ pub(super) fn jumps(
     library: &Library,
 ) -> Option<String> {
     let mistakes = Mistakes::default();
-    let root = input::read(before, &[], &mistakes)?;
+    let root = input::read(before, &Location::Line, &mistakes)?;
     let root = Given::root(&root, &mistakes).section()?;
     let kind = laws::kind(&root);
     let (materials_before, law_before) = laws::materials(&root, kind);

@@ -1,6 +1,10 @@
-//! The keys of a scene file, as the documentation of [`super`] lists them, for the terminal.
+//! The keys of a scene file: one table, which the documentation of [`super`] shows, and from which come the reader, the JSON schema,
+//! and the list for the terminal.
 
-/// The table of the documentation: key, unit, meaning.
+use super::kind::{Key, Keys, Kind};
+use std::sync::LazyLock;
+
+/// The table of the documentation: key, unit, kind, meaning.
 const TABLE: &str = include_str!("keys.md");
 /// No line is longer.
 const WIDTH: usize = 110;
@@ -9,35 +13,110 @@ const INDENT: usize = 30;
 
 /// A row of the list.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Key {
+pub struct Row {
     /// As it stands in the file: `domain`, `fill.lattice`; empty at the top.
     pub table: String,
     /// There may be several such tables: `[[wall]]`.
     pub is_list: bool,
-    /// `low`, `high`; none in the row of a table itself and in a row that goes on.
+    /// `low`, `high`; none in the row of a table itself.
     pub names: Vec<String>,
-    /// Unit, or empty.
+    /// Unit, or empty; one for all names, or one for each with commas between.
     pub unit: String,
+    /// What values may be, and whether there must be one; one for all names, or one for each with semicolons between.
+    pub kind: String,
     /// What it means, and its default.
     pub meaning: String,
 }
 
 /// All rows, in the order of the list.
-pub fn all() -> Vec<Key> {
+pub fn all() -> Vec<Row> {
     let (mut table, mut is_list) = (String::new(), false);
     let rows = TABLE.lines().skip(2).map(|row| {
-        let mut cells = row.trim_matches('|').splitn(3, '|').map(str::trim);
-        let [key, unit, meaning] = [(); 3].map(|()| cells.next().unwrap_or_default());
-        let names = quoted(key);
-        let is_table = key.starts_with("**");
-        if is_table {
+        let mut cells = row.trim_matches('|').splitn(4, '|').map(str::trim);
+        let [key, unit, kind, meaning] = [(); 4].map(|()| cells.next().unwrap_or_default());
+        let mut names = quoted(key);
+        if key.starts_with("**") {
             names[0].trim_matches(['[', ']']).clone_into(&mut table);
             is_list = names[0].starts_with("[[");
+            names.clear();
         }
-        let names = if is_table { Vec::new() } else { names };
-        Key { table: table.clone(), is_list, names, unit: unit.to_owned(), meaning: plain(meaning) }
+        let [unit, kind] = [unit, kind].map(str::to_owned);
+        Row { table: table.clone(), is_list, names, unit, kind, meaning: plain(meaning) }
     });
     rows.collect()
+}
+
+/// What a scene may be: the tree that the rows make.
+pub(super) static SCENE: LazyLock<Kind> = LazyLock::new(|| {
+    let rows = all();
+    let mut tables: Vec<(&Row, Keys)> = Vec::new();
+    for rows in rows.chunk_by(|a, b| a.table == b.table) {
+        tables.push((&rows[0], keys_of(rows, &tables)));
+    }
+    let key = |name: &str, kind: Kind| Key {
+        name: name.to_owned(),
+        unit: String::new(),
+        kind,
+        required: false,
+        meaning: String::new(),
+    };
+    let mut root = tables.remove(0).1;
+    let mut fill = Keys { table: Some("fill".to_owned()), ..Keys::default() };
+    for (row, keys) in tables {
+        let (into, name) = match row.table.strip_prefix("fill.") {
+            Some(name) => (&mut fill, name),
+            None => (&mut root, &*row.table),
+        };
+        let (table, names) = (Kind::Table(keys), Vec::new());
+        let kind =
+            if row.is_list { Kind::List { names, least: 0, item: Box::new(table) } } else { table };
+        let required = row.kind == "required";
+        into.all.push(Key { required, meaning: row.meaning.clone(), ..key(name, kind) });
+    }
+    root.all.push(key("fill", Kind::Table(fill)));
+    Kind::Table(root)
+});
+
+/// The keys in the rows of a table; some are as in tables before.
+fn keys_of(rows: &[Row], tables: &[(&Row, Keys)]) -> Keys {
+    let mut keys = Keys { table: Some(rows[0].table.clone()), ..Keys::default() };
+    for row in rows {
+        let (required, kind) =
+            row.kind.strip_prefix("required: ").map_or((false, &*row.kind), |kind| (true, kind));
+        for (k, name) in row.names.iter().enumerate() {
+            let unit = of_name(&row.unit, ", ", k, row).trim_start_matches('-');
+            let key = if let Some(table) = kind.strip_prefix("as in ") {
+                let other = tables.iter().find(|(_, keys)| keys.table.as_deref() == Some(table));
+                let other = other.and_then(|(_, keys)| keys.find(name)).cloned();
+                other.expect("keys.md lists before what it refers to")
+            } else {
+                let kind = Kind::parse(of_name(kind, "; ", k, row), unit);
+                let meaning = described(unit, &row.meaning);
+                Key { name: name.clone(), unit: unit.to_owned(), kind, required, meaning }
+            };
+            // A key of two kinds of shape stands in two rows.
+            match keys.all.iter_mut().find(|known| known.name == *name) {
+                Some(known) => {
+                    debug_assert_eq!((&known.kind, &known.unit), (&key.kind, &key.unit), "{name}");
+                    known.meaning = format!("{}. Or: {}", known.meaning, key.meaning);
+                }
+                None => keys.all.push(key),
+            }
+        }
+    }
+    keys
+}
+
+/// That part of a cell which is of one of several names, if each has a part of its own.
+fn of_name<'a>(cell: &'a str, between: &str, name: usize, row: &Row) -> &'a str {
+    let parts: Vec<&str> = cell.split(between).collect();
+    if parts.len() == row.names.len() { parts[name] } else { cell }
+}
+
+/// Unit and meaning.
+fn described(unit: &str, meaning: &str) -> String {
+    let unit = if unit.is_empty() { String::new() } else { format!("[{unit}] ") };
+    format!("{unit}{meaning}").trim_end().to_owned()
 }
 
 /// The list of one table, or of all, as text.
@@ -47,23 +126,27 @@ pub fn all() -> Vec<Key> {
 pub fn text(table: Option<&str>) -> Result<String, String> {
     let (mut text, mut before) = (String::new(), None);
     let asked = table.map(|name| name.trim_matches(['[', ']']));
-    for key in all().iter().filter(|key| asked.is_none_or(|asked| asked == key.table)) {
-        if before != Some(&key.table) && !key.table.is_empty() {
-            text.extend(["\n[", &key.table, "]\n"]);
+    let rows = all();
+    for row in rows.iter().filter(|row| asked.is_none_or(|asked| asked == row.table)) {
+        if before != Some(&row.table) && !row.table.is_empty() {
+            text.extend(["\n[", &row.table, "]\n"]);
         }
-        before = Some(&key.table);
-        if key.names.is_empty() && key.meaning.is_empty() {
+        before = Some(&row.table);
+        let Row { names, kind, meaning, .. } = row;
+        let said = [&**kind, meaning].into_iter().filter(|said| !said.is_empty());
+        let said = said.collect::<Vec<_>>().join("; ");
+        if said.is_empty() {
             continue;
         }
-        let unit = if key.unit.is_empty() { String::new() } else { format!(" [{}]", key.unit) };
-        let mut line = format!("  {}{unit}", key.names.join(", "));
-        if line.len() + 2 > INDENT && !key.meaning.is_empty() {
+        let unit = if row.unit.is_empty() { String::new() } else { format!(" [{}]", row.unit) };
+        let mut line = format!("  {}{unit}", names.join(", "));
+        if line.len() + 2 > INDENT {
             text += &line;
             text.push('\n');
             line.clear();
         }
         line = format!("{line:INDENT$}");
-        for word in key.meaning.split(' ') {
+        for word in said.split(' ') {
             if line.len() + word.len() > WIDTH && line.len() > INDENT {
                 text += line.trim_end();
                 text.push('\n');
@@ -76,13 +159,12 @@ pub fn text(table: Option<&str>) -> Result<String, String> {
         text.push('\n');
     }
     if text.is_empty() {
-        let mut tables: Vec<String> = all().into_iter().map(|key| key.table).collect();
+        let mut tables: Vec<&str> = rows.iter().map(|row| &*row.table).collect();
         tables.dedup();
-        let tables = tables.into_iter().filter(|name| !name.is_empty()).collect::<Vec<_>>();
         return Err(format!(
             "--keys {}: no such table; there are {}",
             table.unwrap_or_default(),
-            tables.join(", ")
+            tables[1..].join(", ")
         ));
     }
     Ok(text.trim_start_matches('\n').to_owned())

@@ -3,7 +3,7 @@
 //! Another law has a [`Kind`] of its own, its settings in [`kind`], and a function that reads its constants.
 
 use super::matter::Materials;
-use super::reader::{Given, Range, Section};
+use super::reader::Section;
 use super::walls;
 use crate::contact::curvature::LARGEST_RATIO;
 use crate::ids::MaterialId;
@@ -11,7 +11,6 @@ use crate::law::hertz::{self, jkr};
 use crate::law::linear::{self, damping_ratio_of_restitution};
 use crate::law::{Beside, Choice, Interactions, Mixing};
 use crate::law::{dmt, rolling};
-use crate::math::Vec3;
 use crate::population::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
 use serde::{Deserialize, Serialize};
@@ -103,36 +102,10 @@ const MOST_LARGEST_OVERLAP: f64 = 0.5;
 /// of friction of 37 degrees yield.
 const DRIVEN: f64 = 4.0;
 
-/// The stress that a servo of force [N] counts as where nothing is known of what its walls touch [Pa]: over the smallest side of
-/// the domain, whose corners are these [m].
-pub(super) fn stress_of_force(force: f64, low: &Vec3, high: &Vec3) -> f64 {
-    let widths = high - low;
-    force * widths.max() / widths.product()
-}
-
-/// The overlap under the highest stress that walls will have: of all servos, and more where walls are driven, too. What is wrong in it is
-/// said elsewhere.
-fn under_stress(root: &Section) -> LargestOverlap {
-    let corners = || {
-        let domain = root.get("domain")?.section()?;
-        Some((domain.get("low")?.as_vector()?, domain.get("high")?.as_vector()?))
-    };
-    let of_servo = |servo: &Section| match servo.get("force") {
-        Some(force) => {
-            let (low, high) = corners()?;
-            Some(stress_of_force(force.as_number()?, &low, &high))
-        }
-        None => servo.get("stress")?.as_number(),
-    };
-    let servos = root.sections("servo").iter().filter_map(of_servo).fold(0.0, f64::max);
-    let has = |section: Section, key| section.get(key).is_some();
-    let driven = root
-        .get("domain")
-        .and_then(|given| given.section())
-        .is_some_and(|section| has(section, "wall_velocity"))
-        || root.sections("wall").into_iter().any(|section| has(section, "velocity"))
-        || root.sections("motion").into_iter().any(|section| !has(section, "mass"));
-    LargestOverlap::Under { servos, times: if driven { DRIVEN } else { 1.0 } }
+/// The overlap under the highest stress that walls will have: of all servos, and more where walls are driven, too.
+fn under_load(root: &Section) -> LargestOverlap {
+    let servos = walls::highest_stress(root);
+    LargestOverlap::Under { servos, times: if walls::are_driven(root) { DRIVEN } else { 1.0 } }
 }
 
 /// The law that `[law]` asks for.
@@ -140,14 +113,13 @@ pub(super) fn kind(root: &Section) -> (Kind, Asked) {
     let linear = (Kind::Linear { limit_damping: true }, Asked::default());
     let law = root.read_or("law", linear, |given| {
         let section = given.section()?;
-        let limit_damping = section.read_or("limit_damping", true, Given::boolean);
+        let limit_damping = section.boolean_or("limit_damping", true);
         let offered = [("linear", false), ("hertz", true)];
         let is_hertz = section.read_or("normal", false, |given| given.one_of(&offered))?;
         let asked = asked(&section, is_hertz);
         // Adhesion attracts whatever dashpots do.
         let is_jkr = asked.is_some_and(Asked::is_jkr);
         let kind = parts(&section, is_hertz, limit_damping? && !is_jkr, root);
-        section.finish();
         kind.zip(asked)
     });
     law.unwrap_or(linear)
@@ -214,14 +186,14 @@ fn parts(section: &Section, is_hertz: bool, limit_damping: bool, root: &Section)
         }
         mindlin
     })?;
-    let largest_overlap = section.read_or("largest_overlap", under_stress(root), |given| {
-        given.number(Range::BelowOne, "").map(LargestOverlap::Given)
+    let largest_overlap = section.read_or("largest_overlap", under_load(root), |given| {
+        given.number().map(LargestOverlap::Given)
     })?;
     Some(Kind::Hertz { limit_damping, mindlin, largest_overlap })
 }
 
 /// Refuses keys that only another normal law uses.
-fn refuse(section: &Section, keys: &[&'static str], normal: &str) {
+fn refuse(section: &Section, keys: &[&str], normal: &str) {
     for key in keys {
         section
             .refuse(key, &format!("is not used by this law, but by [law] normal = \"{normal}\""));
@@ -332,19 +304,18 @@ pub(super) fn materials(
             };
             let law =
                 |interactions| Choice::Linear(linear::Settings { interactions, limit_damping });
-            with_more(root, "`normal_stiffness` [N/m]", asked, read, law)
+            with_more(root, asked, read, law)
         }
         Kind::Hertz { limit_damping, mindlin, largest_overlap } => {
             let read = |section: &Section, mixed: Option<&hertz::Constants>| {
                 of_hertz(section, mixed, limit_damping, mindlin)
             };
-            let needed = "`youngs_modulus` [Pa], `poisson_ratio`";
             let law = |interactions| {
                 // Walls that move freely are not known yet.
                 let largest_overlap = largest_overlap.value(&interactions, 0.0);
                 Choice::Hertz(hertz::Settings { interactions, limit_damping, largest_overlap })
             };
-            with_more(root, needed, asked, read, law)
+            with_more(root, asked, read, law)
         }
     }
 }
@@ -360,7 +331,6 @@ pub(super) fn under_free_walls(mut law: Choice, (kind, _): (Kind, Asked), stress
 /// The materials, and the law of these constants with what is asked for beside it.
 fn with_more<C: Mixing + Default>(
     root: &Section,
-    needed: &str,
     asked: Asked,
     read: impl Fn(&Section, Option<&C>) -> Option<C>,
     law: impl Fn(Interactions<C>) -> Choice,
@@ -371,7 +341,7 @@ fn with_more<C: Mixing + Default>(
         let adhesion = of_adhesion(section, mixed.map(|(_, (_, adhesion))| adhesion), asked);
         Some((forces?, (turning?, adhesion?)))
     };
-    let (materials, interactions) = with_constants(root, needed, all);
+    let (materials, interactions) = with_constants(root, all);
     let law = interactions.map(|all| {
         let forces = law(all.map(|(forces, _)| *forces));
         let adhesion = || all.map(|(_, (_, adhesion))| *adhesion);
@@ -403,8 +373,7 @@ fn of_adhesion(
         section.refuse("surface_energy", by);
         return Some(mixed);
     }
-    let energy =
-        section.number_or("surface_energy", mixed.surface_energy, Range::NotNegative, "J/m2");
+    let energy = section.number_or("surface_energy", mixed.surface_energy);
     Some(dmt::Constants { surface_energy: energy? })
 }
 
@@ -431,7 +400,7 @@ fn of_turning(
     let either = "rolling = \"spring\" or twisting = \"spring\"";
     used("turning_damping_ratio", asked.turning(), either);
     let number = |key, is_asked: bool, default| {
-        if is_asked { section.number_or(key, default, Range::NotNegative, "") } else { Some(0.0) }
+        if is_asked { section.number_or(key, default) } else { Some(0.0) }
     };
     let rolling = number("rolling_friction", asked.rolling, mixed.rolling_friction);
     let twisting = number("twisting_friction", asked.twisting, mixed.twisting_friction);
@@ -447,13 +416,12 @@ fn of_turning(
 const MOST_MATERIALS: usize = 1000;
 
 /// The materials, and their constants as `read` finds them in a section: those of one material, or of two, with what is left
-/// out taken from the mixed ones. `needed` are the keys without which there are none.
+/// out taken from the mixed ones.
 fn with_constants<C: Mixing + Default>(
     root: &Section,
-    needed: &str,
     read: impl Fn(&Section, Option<&C>) -> Option<C>,
 ) -> (Materials, Option<Interactions<C>>) {
-    let (materials, own) = Materials::read(root, needed, |section| read(section, None));
+    let (materials, own) = Materials::read(root, |section| read(section, None));
     let count = own.len();
     if count > MOST_MATERIALS {
         root.fail(format!(
@@ -473,7 +441,6 @@ fn with_constants<C: Mixing + Default>(
             _ => C::default(),
         };
         let constants = read(&section, Some(&mixed));
-        section.finish();
         match (&mut interactions, pair, constants) {
             (Some(interactions), Some((a, b)), Some(constants)) => {
                 interactions.set(a, b, constants);
@@ -508,15 +475,13 @@ const MAY_BE_LEFT_OUT: [(&str, f64); 6] = [
 /// What one of two materials leaves out, in a scene without mistakes.
 pub(super) fn left_out<'a>(root: &Section<'a>, materials: &Materials) -> Vec<LeftOut> {
     let of_both = |section: Section<'a>| {
-        let names = section.get("between")?.list("a list of two materials")?;
-        let [a, b] = &names[..] else { return None };
-        let (a, b) = (materials.find(a)?, materials.find(b)?);
+        let [a, b] = section.get("between")?.list_of(|name| materials.find(name))?;
         Some(((a.min(b), a.max(b)), section))
     };
     let of_both: BTreeMap<_, _> =
         root.sections("interaction").into_iter().filter_map(of_both).collect();
     let values = |section: &Section| {
-        MAY_BE_LEFT_OUT.map(|(key, nothing)| Some((section.get(key)?.as_number()?, nothing)))
+        MAY_BE_LEFT_OUT.map(|(key, nothing)| Some((section.get(key)?.number()?, nothing)))
     };
     let own = root.sections("material");
     let own: Vec<_> = (0..).map(MaterialId).zip(own.iter().map(values)).collect();
@@ -541,13 +506,8 @@ fn between(
     materials: &Materials,
     seen: &mut BTreeSet<(MaterialId, MaterialId)>,
 ) -> Option<(MaterialId, MaterialId)> {
-    section.require("between", "the names of two materials", |given| {
-        let names = given.list("a list of two materials")?;
-        let [a, b] = &names[..] else {
-            given.fail("must be a list of two materials");
-            return None;
-        };
-        let (a, b) = (materials.find(a), materials.find(b));
+    section.require("between").and_then(|given| {
+        let [a, b] = given.list_of(|name| Some(materials.find(name)))?;
         let (a, b) = (a?.min(b?), a?.max(b?));
         if !seen.insert((a, b)) {
             given.fail("these two have an interaction already");
@@ -562,22 +522,17 @@ fn of_linear(
     mixed: Option<&linear::Constants>,
     limit_damping: bool,
 ) -> Option<linear::Constants> {
-    refuse(section, &["youngs_modulus", "poisson_ratio"], "hertz");
+    if mixed.is_none() {
+        refuse(section, &["youngs_modulus", "poisson_ratio"], "hertz");
+    }
     let normal_stiffness = match mixed {
-        None => section.number("normal_stiffness", Range::Positive, "N/m"),
-        Some(mixed) => {
-            section.number_or("normal_stiffness", mixed.normal_stiffness, Range::Positive, "N/m")
-        }
+        None => section.number("normal_stiffness"),
+        Some(mixed) => section.number_or("normal_stiffness", mixed.normal_stiffness),
     };
     let tangential = mixed.map_or(normal_stiffness, |m| Some(m.tangential_stiffness));
-    let tangential_stiffness = section.number_or(
-        "tangential_stiffness",
-        tangential.unwrap_or_default(),
-        Range::NotNegative,
-        "N/m",
-    );
-    let friction =
-        section.number_or("friction", mixed.map_or(0.0, |m| m.friction), Range::NotNegative, "");
+    let tangential_stiffness =
+        section.number_or("tangential_stiffness", tangential.unwrap_or_default());
+    let friction = section.number_or("friction", mixed.map_or(0.0, |m| m.friction));
     // One with a mistake has no stiffness at all.
     let is_known = match mixed {
         Some(mixed) => mixed.normal_stiffness > 0.0,
@@ -588,15 +543,11 @@ fn of_linear(
     }
     let damping = mixed.map_or(0.0, |m| m.normal_damping_ratio);
     let normal_damping_ratio = section.read_or("restitution", damping, |given| {
-        let restitution = given.number(Range::UpToOne, "")?;
+        let restitution = given.number()?;
         Some(damping_ratio_of_restitution(restitution, limit_damping))
     });
-    let tangential_damping_ratio = section.number_or(
-        "tangential_damping_ratio",
-        mixed.map_or(0.0, |m| m.tangential_damping_ratio),
-        Range::NotNegative,
-        "",
-    );
+    let tangential_damping_ratio = section
+        .number_or("tangential_damping_ratio", mixed.map_or(0.0, |m| m.tangential_damping_ratio));
     Some(linear::Constants {
         normal_stiffness: normal_stiffness?,
         tangential_stiffness: tangential_stiffness?,
@@ -616,30 +567,20 @@ fn of_hertz(
     let others = ["normal_stiffness", "tangential_stiffness", "tangential_damping_ratio"];
     refuse(section, &others, "linear");
     let elastic = if mixed.is_some() {
-        for key in ["youngs_modulus", "poisson_ratio"] {
-            section.refuse(key, "is of one material: say it in [[material]]");
-        }
         Some((0.0, 0.0))
     } else {
-        let youngs = section.number("youngs_modulus", Range::Positive, "Pa");
-        youngs.zip(section.require("poisson_ratio", "a number from 0 to 0.5", |given| {
-            let ratio = given.number(Range::NotNegative, "")?;
-            if ratio > 0.5 {
-                given.fail(format!("{ratio:?} is more than 0.5, that of what keeps its volume"));
-                return None;
-            }
-            Some(ratio)
-        }))
+        let youngs = section.number("youngs_modulus");
+        youngs.zip(section.number("poisson_ratio"))
     };
     let friction = section.read_or("friction", mixed.map_or(0.0, |m| m.friction), |given| {
         if !mindlin {
             given.fail("is not used with [law] tangential = \"none\", but with \"mindlin\"");
         }
-        given.number(Range::NotNegative, "")
+        given.number()
     });
     let damping = mixed.map_or(0.0, |m| m.damping_ratio);
     let damping_ratio = section.read_or("restitution", damping, |given| {
-        let restitution = given.number(Range::UpToOne, "")?;
+        let restitution = given.number()?;
         Some(damping_ratio_of_restitution(restitution, limit_damping))
     });
     let ((youngs, poisson), friction, damping_ratio) = (elastic?, friction?, damping_ratio?);

@@ -3,7 +3,7 @@
 use super::Mix;
 use super::geometry::geometry;
 use super::mistakes::suggestion;
-use super::reader::{Given, Range, Section};
+use super::reader::{Given, Section};
 use super::sizes::sizes;
 use crate::ids::{MaterialId, ShapeId};
 use crate::population::sizes::Sizes;
@@ -41,14 +41,12 @@ impl Names {
 
     /// Reads the name of the next entry. One without a name gets an empty one, so that indices stay.
     pub(super) fn add(&mut self, section: &Section) {
-        let name = section.require("name", "any text", |given| {
-            let name = given.text()?;
-            if self.index(name).is_some() {
-                given.fail(format!("another {} has this name", self.kind));
-            }
-            Some(name)
-        });
-        self.push(name.unwrap_or_default());
+        let given = section.require("name");
+        let name = given.as_ref().and_then(Given::text).unwrap_or_default();
+        if let Some(given) = given.filter(|_| !name.is_empty() && self.index(name).is_some()) {
+            given.fail(format!("another {} has this name", self.kind));
+        }
+        self.push(name);
     }
 
     pub(super) fn listing(&self) -> impl Iterator<Item = &str> {
@@ -66,7 +64,7 @@ impl Names {
     }
 
     /// The index of the name under this key; of the only one there is, if the key is left out.
-    pub(super) fn find_in(&self, section: &Section, key: &'static str) -> Option<usize> {
+    pub(super) fn find_in(&self, section: &Section, key: &str) -> Option<usize> {
         match section.get(key) {
             Some(given) => self.find(&given, given.text()?),
             None if self.all.len() == 1 => Some(0),
@@ -98,21 +96,18 @@ pub(super) struct Materials {
 }
 
 impl Materials {
-    /// All of them, with what `read` finds in the section of each. `needed` are keys for that which must be there.
+    /// All of them, with what `read` finds in the section of each.
     pub(super) fn read<C>(
         root: &Section,
-        needed: &str,
         read: impl Fn(&Section) -> Option<C>,
     ) -> (Self, Vec<Option<C>>) {
         let mut names = Names::of("material");
-        let what = format!("`name`, `density` [kg/m3], {needed}");
-        let sections = root.some_sections("material", &what);
+        let sections = root.sections("material");
         let all = sections.iter().map(|section| {
             names.add(section);
             let name = names.all.last().cloned();
-            let density = section.number("density", Range::Positive, "kg/m3");
+            let density = section.number("density");
             let constants = read(section);
-            section.finish();
             let material = name.zip(density).map(|(name, density)| Material { name, density });
             (material, constants)
         });
@@ -129,7 +124,7 @@ impl Materials {
         self.names.find(given, given.text()?).map(|index| MaterialId(index as u16))
     }
 
-    pub(super) fn find_in(&self, section: &Section, key: &'static str) -> Option<MaterialId> {
+    pub(super) fn find_in(&self, section: &Section, key: &str) -> Option<MaterialId> {
         self.names.find_in(section, key).map(|index| MaterialId(index as u16))
     }
 
@@ -153,12 +148,11 @@ impl Shapes {
     pub(super) fn read(root: &Section, materials: &Materials, folder: &Path) -> Self {
         let mut shapes =
             Self { names: Names::of("shape"), library: Library::default(), complete: true };
-        for section in &root.some_sections("shape", "`name`, `kind` and its size") {
+        for section in &root.sections("shape") {
             shapes.names.add(section);
             let material = materials.find_in(section, "material");
             let geometry = geometry(section, folder);
             let sizes = section.read_or("size", Sizes::One, sizes);
-            section.finish();
             let density = material.and_then(|id| materials.get(id)).map(|m| m.density);
             shapes.complete &= match (&geometry, density, &sizes) {
                 (Some(geometry), Some(density), Some(sizes)) => {

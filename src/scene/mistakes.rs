@@ -3,6 +3,7 @@
 use crate::text::shown;
 use std::cell::RefCell;
 use std::fmt;
+use std::sync::Arc;
 
 /// Where a value of the scene was given.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -11,6 +12,8 @@ pub enum Location {
     File,
     /// A line of the file, from 1.
     Line(usize),
+    /// A line of a file that this one includes, or of the scene that it is like.
+    In(Arc<str>, usize),
     /// `--set` of the command line, as it was written.
     Override(String),
 }
@@ -48,6 +51,7 @@ impl fmt::Display for SceneErrors {
             match location {
                 Location::File => write!(f, "\n{}: {message}", self.file)?,
                 Location::Line(line) => write!(f, "\n{}:{line}: {message}", self.file)?,
+                Location::In(file, line) => write!(f, "\n{file}:{line}: {message}")?,
                 Location::Override(text) => write!(f, "\n--set {}: {message}", shown(text))?,
             }
         }
@@ -84,7 +88,11 @@ impl Mistakes {
     }
 
     pub(super) fn is_empty(&self) -> bool {
-        self.problems.borrow().is_empty()
+        self.count() == 0
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.problems.borrow().len()
     }
 
     /// All mistakes as an error.
@@ -98,7 +106,7 @@ impl Mistakes {
 
 /// What other codes have and this one has not: how words of keys and choices begin, in which table ("" for any), and what there is
 /// instead.
-const NOT_THERE: [(&str, &str, &str); 27] = [
+const NOT_THERE: [(&str, &str, &str); 29] = [
     ("", "bond", "bonds are not supported yet"),
     ("", "liquid", "liquid bridges are not supported yet"),
     ("", "capillar", "liquid bridges are not supported yet"),
@@ -123,6 +131,8 @@ const NOT_THERE: [(&str, &str, &str); 27] = [
     ("domain", "stress", CELL),
     ("domain", "pressure", CELL),
     ("domain", "deform", CELL),
+    ("interaction", "youngs", OF_ONE),
+    ("interaction", "poisson", OF_ONE),
     ("stop", "stress", REACHED),
     ("stop", "pressure", REACHED),
     ("stop", "strain", REACHED),
@@ -137,6 +147,7 @@ const DRAG: &str = "fluids are not supported; instead take Stokes' drag as `glob
 /// A cell that is pressed or strained.
 pub(super) const CELL: &str = "a periodic cell that stresses or strains deform is not supported; instead press walls together, each pair \
      by a [[servo]], or shear the cell by `domain.shear`";
+const OF_ONE: &str = "it is of one material; say it in [[material]]";
 const REACHED: &str = "a stage does not end by that; instead drive the wall by a [[servo]] with the `stress` and a `max_speed`, and let \
      `servo` end the stage, or set time.duration to the strain over its rate";
 
@@ -148,7 +159,8 @@ pub(super) fn not_there(table: &str, asked: &str, suggestion: &str) -> String {
     }
     let words: Vec<String> = asked.split(['_', '-']).map(str::to_lowercase).collect();
     let is_asked = |of: &str, begins: &str| {
-        (of.is_empty() || of == table) && words.iter().any(|word| word.starts_with(begins))
+        (of.is_empty() || table.split('.').next() == Some(of))
+            && words.iter().any(|word| word.starts_with(begins))
     };
     let known = NOT_THERE.iter().find(|(of, begins, _)| is_asked(of, begins));
     known.map_or_else(String::new, |(.., what)| format!(": {what}"))

@@ -5,8 +5,10 @@
 //!
 //! # The file
 //!
-//! TOML; a key without "default" must be there. Paths of output and `start` are relative to the
-//! working directory, paths of particle files and meshes to the scene's folder.
+//! TOML. The column *kind* says what a value may be: `number > 0`; `[x, y, z]`, a list of as many items; `{ a = number [m], b? = text }`, a table, in which
+//! keys with a question mark may be left out; `or` stands between alternatives. Unit and kind are those of all keys of a row, or one of each; `-` is no unit.
+//! Keys marked `required` must be there. Paths of output, `start` and `folder` are relative to the
+//! working directory, paths of particle files, tables and meshes to the folder of the scene, or of the file that it includes and that names them.
 //! A polyhedron is moved to its centre of mass and turned into its principal axes; positions and
 //! quaternions of particles are those of its centre and these axes, and `--plan` says where they lie in the file.
 //!
@@ -19,10 +21,12 @@ mod check;
 pub mod doubts;
 mod fills;
 mod flows;
+mod form;
 mod geometry;
 mod input;
 mod jumps;
 pub mod keys;
+mod kind;
 mod laws;
 mod listed;
 mod matter;
@@ -31,6 +35,7 @@ mod motions;
 mod orientations;
 pub mod packing;
 pub mod pair;
+mod parts;
 pub mod plan;
 mod reader;
 mod regions;
@@ -63,11 +68,11 @@ pub use crate::sim::stop::Stop;
 use crate::sim::{Simulation, steps_of};
 use crate::text::{self, Unreadable};
 use crate::walls::Wall;
-use check::Need;
 pub use laws::LeftOut;
 pub use matter::Material;
 use mistakes::Mistakes;
 pub use mistakes::{Location, Problem, SceneErrors};
+use parts::Need;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::path::{Path, PathBuf};
 
@@ -154,7 +159,7 @@ pub struct Scene {
     pub out: PathBuf,
     /// The snapshot with which this stage begins.
     pub start: Option<PathBuf>,
-    /// The file with the overrides of the command line, as TOML.
+    /// The file with what it takes from others and the overrides of the command line, as TOML that needs no other scene.
     pub text: String,
 }
 
@@ -237,11 +242,8 @@ impl Scene {
         need: Need,
     ) -> Result<Self, SceneErrors> {
         let mistakes = Mistakes::default();
-        let scene = input::read(text, overrides, &mistakes).and_then(|root| {
-            let effective =
-                if overrides.is_empty() { text.to_owned() } else { input::to_text(&root) };
-            check::scene(&root, &mistakes, file, folder, effective, need)
-        });
+        let scene = parts::read(text, (file, folder), overrides, need, &mistakes)
+            .and_then(|whole| check::scene(whole, &mistakes, file, need));
         match scene {
             Some(scene) if mistakes.is_empty() => Ok(scene),
             _ => Err(mistakes.into_errors(file)),

@@ -1,7 +1,7 @@
 //! How walls move by `[[motion]]`: from the file as written.
 
 use super::listed;
-use super::reader::{Given, Range, Section};
+use super::reader::{Given, Section};
 use crate::cell::{AXES, Cell};
 use crate::math::Vec3;
 use crate::text::{Lines, shown};
@@ -41,11 +41,7 @@ enum Kind {
 impl<'a> Motions<'a> {
     pub(super) fn read(root: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Self {
         let sections = root.sections("motion");
-        let read = |section: &Section<'a>| {
-            let motion = motion(section, domain, folder);
-            section.finish();
-            motion
-        };
+        let read = |section: &Section<'a>| motion(section, domain, folder);
         Self { all: sections.iter().filter_map(read).collect() }
     }
 
@@ -134,13 +130,9 @@ impl<'a> Motions<'a> {
 }
 
 fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Option<Motion<'a>> {
-    let walls = section.require("walls", "names of walls, as in [\"-z\"]", |given| {
-        let items = given.list("a list of names of walls, as in [\"-z\"]")?;
-        if items.is_empty() {
-            given.fail("must have at least one wall");
-        }
+    let walls = section.require("walls").and_then(|given| {
         let mut walls: Vec<(Given, &str)> = Vec::new();
-        for item in items {
+        for item in given.list()? {
             let name = item.text()?;
             if walls.iter().any(|(_, known)| *known == name) {
                 item.fail("stands there twice");
@@ -175,8 +167,8 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
         if walls.as_ref().is_some_and(|walls| walls.len() > 1) {
             given.fail("is of one wall; give each a motion of its own, or make one wall of several `planes`");
         }
-        let mass = section.number("mass", Range::Positive, "kg");
-        let force = section.number_or("force", 0.0, Range::Any, "N");
+        let mass = section.number("mass");
+        let force = section.number_or("force", 0.0);
         mass.zip(force).map(|(mass, force)| How::Freely { mass, force })
     } else {
         section.refuse("force", "is of a wall with a `mass`, which forces move");
@@ -187,7 +179,7 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
 
 /// An oscillation or a table; the scene has angles in degrees.
 fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
-    let (unit, to_si) = if turns { ("degrees", 1f64.to_radians()) } else { ("m", 1.0) };
+    let to_si = if turns { 1f64.to_radians() } else { 1.0 };
     if let Some(given) = section.get("table") {
         for key in ["amplitude", "frequency", "phase"] {
             section.refuse(key, "stands beside `table`; a motion is an oscillation or a table");
@@ -208,9 +200,9 @@ fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
         return Some(Way::Table(Table::new(&rows, is_smooth?)));
     }
     section.refuse("interpolation", "is of a `table`");
-    let amplitude = section.number("amplitude", Range::Any, unit);
-    let frequency = section.number("frequency", Range::Positive, "1/s");
-    let phase = section.number_or("phase", 0.0, Range::Any, "degrees");
+    let amplitude = section.number("amplitude");
+    let frequency = section.number("frequency");
+    let phase = section.number_or("phase", 0.0);
     Some(Way::Oscillation {
         amplitude: amplitude? * to_si,
         frequency: frequency?,
@@ -274,17 +266,16 @@ pub(super) fn axis_of_turn(
     section: &Section,
     domain: Option<&Cell>,
 ) -> (Option<Vec3>, Option<Vec3>) {
-    let about = section.vector("about", "m");
-    let axis =
-        section.require("axis", "[x, y, z], about which the wall turns anticlockwise", |given| {
-            let direction = given.direction()?;
-            // A period must go with the turn.
-            let across = |&axis: &usize| repeats(domain, axis) && direction[axis].abs() != 1.0;
-            if let Some(axis) = (0..3).find(across) {
-                given.fail(format!("must lie along {}, which is periodic", AXES[axis]));
-            }
-            Some(direction)
-        });
+    let about = section.vector("about");
+    let axis = section.require("axis").and_then(|given| {
+        let direction = given.direction()?;
+        // A period must go with the turn.
+        let across = |&axis: &usize| repeats(domain, axis) && direction[axis].abs() != 1.0;
+        if let Some(axis) = (0..3).find(across) {
+            given.fail(format!("must lie along {}, which is periodic", AXES[axis]));
+        }
+        Some(direction)
+    });
     (about, axis)
 }
 

@@ -1,83 +1,32 @@
-//! Readers of values and tables, which check types and ranges.
+//! Readers of values and tables. What may stand where the table of keys says ([`SCENE`]); whether it does [`form`](super::form) looks
+//! first, and reports it ([`Mistakes`]).
 //!
-//! A reader never stops at a mistake. It reports the mistake ([`Mistakes`]) and returns `None`, so that one run
-//! finds all mistakes of a file. A [`Section`] remembers which keys it was asked for; those are the
-//! keys that exist, all others are refused by [`Section::finish`].
+//! A reader never stops at a mistake. It gives `None` where the value is not what it may be, so that one run finds all mistakes of a file.
 
 use super::input::{Node, Table, Value, name_of};
-use super::mistakes::{Location, Mistakes, not_there, suggestion};
+use super::keys::SCENE;
+use super::kind::{Allowed, Key, Keys, Kind};
+use super::mistakes::{Location, Mistakes};
 use crate::math::Vec3;
-use crate::shape::{LENGTHS, Superellipsoid};
+use crate::shape::LENGTHS;
 use crate::text::shown;
-use std::cell::RefCell;
 use std::fmt;
 
-/// Which numbers are allowed.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Range {
-    Any,
-    Positive,
-    NotNegative,
-    /// In (0, 1].
-    UpToOne,
-    /// As of a superellipsoid, [`Superellipsoid::EXPONENTS`].
-    Exponent,
-    /// In (0, 1).
-    BelowOne,
-    /// From 1 up.
-    FromOne,
-}
-
-impl Range {
-    fn holds(self, x: f64) -> bool {
-        x.is_finite()
-            && match self {
-                Self::Any => true,
-                Self::Positive => x > 0.0,
-                Self::NotNegative => x >= 0.0,
-                Self::UpToOne => x > 0.0 && x <= 1.0,
-                Self::Exponent => Superellipsoid::EXPONENTS.contains(&x),
-                Self::BelowOne => x > 0.0 && x < 1.0,
-                Self::FromOne => x >= 1.0,
-            }
-    }
-}
-
-impl fmt::Display for Range {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let exponents = Superellipsoid::EXPONENTS;
-        f.write_str(match self {
-            Self::Any => "a finite number",
-            Self::Positive => "a number greater than 0",
-            Self::NotNegative => "a number, 0 or greater",
-            Self::UpToOne => "a number greater than 0 and at most 1",
-            Self::Exponent => {
-                return write!(
-                    f,
-                    "a number from {} to {}: 2 / n for powers of n, so 0.25 for 8 (a box, a cylinder, an octahedron or a cone \
-                     is a `polyhedron`, with round edges a `rounded-polyhedron`)",
-                    exponents.start(),
-                    exponents.end()
-                );
-            }
-            Self::BelowOne => "a number greater than 0 and less than 1",
-            Self::FromOne => "a number, 1 or greater",
-        })
-    }
-}
-
-/// A value that the file gives.
+/// A value that the file gives, and what it may be.
 #[derive(Clone, Debug)]
 pub(super) struct Given<'a> {
-    node: &'a Node,
-    path: String,
+    pub(super) node: &'a Node,
+    pub(super) path: String,
+    pub(super) kind: &'static Kind,
+    /// Of its numbers, or empty.
+    pub(super) unit: &'static str,
     mistakes: &'a Mistakes,
 }
 
 impl<'a> Given<'a> {
     /// The whole input.
     pub(super) fn root(node: &'a Node, mistakes: &'a Mistakes) -> Self {
-        Self { node, path: String::new(), mistakes }
+        Self { node, path: String::new(), kind: &SCENE, unit: "", mistakes }
     }
 
     /// Where it stands.
@@ -108,55 +57,10 @@ impl<'a> Given<'a> {
         self.mistakes.add(&self.node.location, format!("{}{value}: {what}", self.path));
     }
 
-    /// What was expected, for a value of another type.
-    pub(super) fn expected<T>(&self, what: &dyn fmt::Display) -> Option<T> {
-        self.fail(format!("must be {what}, not {}", self.node.value.type_name()));
-        None
-    }
-
-    /// A finite number of this range; `unit` may be empty.
-    pub(super) fn number(&self, range: Range, unit: &str) -> Option<f64> {
-        let allowed = Allowed(&range, unit);
-        let Some(x) = self.as_number() else { return self.expected(&allowed) };
-        if !range.holds(x) {
-            self.fail(format!("must be {allowed}"));
-            return None;
-        }
-        let (size, least, most) = (x.abs(), *LENGTHS.start(), *LENGTHS.end());
-        if unit == "m" && (size > most || size < least && matches!(range, Range::Positive)) {
-            self.fail(format!("leaves the range of lengths, from {least:e} to {most:e} m"));
-            return None;
-        }
-        Some(x)
-    }
-
-    /// A whole number from `least` up; `1e5` will do too.
-    pub(super) fn whole(&self, least: u64) -> Option<u64> {
-        // Up to here every whole number is an f64.
-        let exact = 0.0..=(1_u64 << 53) as f64;
-        let allowed = format!("a whole number, {least} or greater");
-        let whole = match self.node.value {
-            Value::Integer(i) => u64::try_from(i).ok(),
-            Value::Number(x) => (x.fract() == 0.0 && exact.contains(&x)).then_some(x as u64),
-            _ => return self.expected(&allowed),
-        };
-        let whole = whole.filter(|&n| n >= least);
-        if whole.is_none() {
-            let too_large = matches!(self.node.value, Value::Number(x) if x > *exact.end());
-            self.fail(if too_large {
-                "is too large".to_owned()
-            } else {
-                format!("must be {allowed}")
-            });
-        }
-        whole
-    }
-
-    pub(super) fn boolean(&self) -> Option<bool> {
-        match self.node.value {
-            Value::Boolean(b) => Some(b),
-            _ => self.expected(&"true or false"),
-        }
+    /// Says what is wrong, without the value.
+    pub(super) fn fail_whole(&self, what: impl fmt::Display) {
+        let colon = if self.path.is_empty() { "" } else { ": " };
+        self.mistakes.add(self.location(), format!("{}{colon}{what}", self.path));
     }
 
     /// Says what is doubtful of a value that may be as it is.
@@ -164,12 +68,7 @@ impl<'a> Given<'a> {
         self.mistakes.warn(format!("{}: {what}", self.path));
     }
 
-    /// The text, if it is one.
-    pub(super) fn as_text(&self) -> Option<&'a str> {
-        if let Value::Text(text) = &self.node.value { Some(text) } else { None }
-    }
-
-    /// The number, if it is one.
+    /// The number, if it is one, in range or not.
     pub(super) fn as_number(&self) -> Option<f64> {
         match self.node.value {
             Value::Integer(i) => Some(i as f64),
@@ -178,79 +77,84 @@ impl<'a> Given<'a> {
         }
     }
 
-    /// The three numbers, if it is a list of them.
-    pub(super) fn as_vector(&self) -> Option<Vec3> {
-        let Value::List(items) = &self.node.value else { return None };
-        let numbers: Option<Vec<f64>> = self.items(items).iter().map(Self::as_number).collect();
-        numbers.filter(|numbers| numbers.len() == 3).map(Vec3::from_vec)
+    /// No length is so long that its cube is infinite, nor one that must be more than 0 so short that its cube is 0.
+    pub(super) fn leaves_lengths(&self, x: f64, is_positive: bool) -> bool {
+        let (size, least, most) = (x.abs(), *LENGTHS.start(), *LENGTHS.end());
+        self.unit == "m" && (size > most || size < least && is_positive)
     }
 
+    /// A number of the range that the table says.
+    pub(super) fn number(&self) -> Option<f64> {
+        let x = self.as_number()?;
+        let range =
+            self.as_one(|kind| if let Kind::Number(range) = kind { Some(range) } else { None })?;
+        let is_positive = range.above && range.least == 0.0;
+        (range.holds(x) && !self.leaves_lengths(x, is_positive)).then_some(x)
+    }
+
+    /// A whole number; `1e5` will do too.
+    pub(super) fn whole(&self) -> Option<u64> {
+        let whole = match self.node.value {
+            Value::Integer(i) => u64::try_from(i).ok(),
+            Value::Number(x) => (x.fract() == 0.0 && EXACT.contains(&x)).then_some(x as u64),
+            _ => None,
+        };
+        let least =
+            self.as_one(|kind| if let Kind::Whole(least) = kind { Some(*least) } else { None })?;
+        whole.filter(|&n| n >= least)
+    }
+
+    pub(super) const fn boolean(&self) -> Option<bool> {
+        if let Value::Boolean(b) = self.node.value { Some(b) } else { None }
+    }
+
+    /// A text that is not empty.
     pub(super) fn text(&self) -> Option<&'a str> {
-        match &self.node.value {
-            Value::Text(s) if !s.is_empty() => Some(s),
-            Value::Text(_) => {
-                self.fail("must not be empty");
-                None
-            }
-            _ => self.expected(&"a string"),
-        }
+        if let Value::Text(text) = &self.node.value { Some(&**text) } else { None }
+            .filter(|text| !text.is_empty())
     }
 
-    /// One of these words.
+    /// What one of these words means, which are those of the table.
     pub(super) fn one_of<T: Copy>(&self, words: &[(&str, T)]) -> Option<T> {
         let text = self.text()?;
-        let found = words.iter().find(|(word, _)| *word == text);
-        if found.is_none() {
-            let known = words.iter().map(|&(word, _)| word);
-            let hint = suggestion(text, known, "allowed");
-            self.fail(format!("no such choice{}{hint}", not_there("", text, &hint)));
-        }
-        found.map(|&(_, meaning)| meaning)
+        let known = |kind: &Kind| if let Kind::Words(all) = kind { Some(all.len()) } else { None };
+        debug_assert_eq!(self.as_one(known), Some(words.len()), "{}: words", self.path);
+        words.iter().find(|(word, _)| *word == text).map(|&(_, meaning)| meaning)
     }
 
     /// The items of a list.
-    pub(super) fn list(&self, what: &str) -> Option<Vec<Self>> {
-        match &self.node.value {
-            Value::List(items) => Some(self.items(items)),
-            _ => self.expected(&what),
-        }
-    }
-
-    /// The same of so many items.
-    pub(super) fn list_of<const N: usize>(&self, what: &str) -> Option<[Self; N]> {
-        let items = self.list(what)?;
-        let count = items.len();
-        let exactly = items.try_into().ok();
-        if exactly.is_none() {
-            self.fail(format!("has {count} items; must be {what}"));
-        }
-        exactly
-    }
-
-    fn items(&self, items: &'a [Node]) -> Vec<Self> {
+    pub(super) fn list(&self) -> Option<Vec<Self>> {
+        let Value::List(items) = &self.node.value else { return None };
+        let of = |kind: &'static Kind| {
+            if let Kind::List { item, .. } = kind { Some(&**item) } else { None }
+        };
+        let kind = self.as_one(of)?;
         let item = |(k, node)| Self {
             node,
             path: joined(&self.path, &name_of(node, k)),
-            mistakes: self.mistakes,
+            kind,
+            ..self.clone()
         };
-        items.iter().enumerate().map(item).collect()
+        Some(items.iter().enumerate().map(item).collect())
     }
 
-    /// Three items, each read in the same way.
-    fn three<T>(&self, what: &str, read: impl Fn(&Self) -> Option<T>) -> Option<[T; 3]> {
-        let what = format!("a list of three: [x, y, z], each {what}");
-        let [x, y, z] = self.list_of(&what)?.map(|item| read(&item));
-        Some([x?, y?, z?])
+    /// So many items, each read in the same way.
+    pub(super) fn list_of<const N: usize, T: Copy>(
+        &self,
+        read: impl Fn(&Self) -> Option<T>,
+    ) -> Option<[T; N]> {
+        let items: Option<Vec<T>> = self.list()?.iter().map(read).collect();
+        items?.try_into().ok()
     }
 
-    pub(super) fn vector(&self, range: Range, unit: &str) -> Option<Vec3> {
-        let allowed = Allowed(&range, unit).to_string();
-        self.three(&allowed, |item| item.number(range, unit)).map(Vec3::from)
+    /// Three numbers.
+    pub(super) fn vector(&self) -> Option<Vec3> {
+        self.list_of(Self::number).map(|[x, y, z]| Vec3::new(x, y, z))
     }
 
     /// A unit vector from one of any length.
     pub(super) fn direction(&self) -> Option<Vec3> {
-        let vector = self.vector(Range::Any, "")?;
+        let vector = self.vector()?;
         if vector.amax() == 0.0 {
             self.fail("must have a length greater than 0");
             return None;
@@ -259,78 +163,44 @@ impl<'a> Given<'a> {
         Some((vector / vector.amax()).normalize())
     }
 
-    pub(super) fn three_booleans(&self) -> Option<[bool; 3]> {
-        self.three("true or false", Self::boolean)
-    }
-
-    /// Three counts, none of them 0.
-    pub(super) fn three_counts(&self) -> Option<[u32; 3]> {
-        self.three("a whole number, 1 or greater", |item| {
-            let count = u32::try_from(item.whole(1)?).ok();
-            if count.is_none() {
-                item.fail("is too large");
-            }
-            count
-        })
-    }
-
-    /// One number for all axes, or one for each.
-    pub(super) fn number_or_vector(&self, range: Range, unit: &str) -> Option<Vec3> {
-        match self.node.value {
-            Value::List(_) => self.vector(range, unit),
-            _ => self.number(range, unit).map(Vec3::repeat),
-        }
-    }
-
-    /// Points in space.
-    pub(super) fn points(&self, unit: &str) -> Option<Vec<Vec3>> {
-        let items = self.list(&format!("a list of points, each [x, y, z] [{unit}]"))?;
-        let points: Vec<Option<Vec3>> =
-            items.iter().map(|item| item.vector(Range::Any, unit)).collect();
-        points.into_iter().collect()
-    }
-
-    /// Keys and values of a table, `None` if it is none.
+    /// Keys and values of a table whose keys are names or words, `None` if it is none.
     pub(super) fn entries(&self) -> Option<Vec<(&'a str, Self)>> {
         let Value::Table(table) = &self.node.value else { return None };
         let entry = |(key, node): (&'a String, &'a Node)| {
-            let path = joined(&self.path, key);
-            (key.as_str(), Self { node, path, mistakes: self.mistakes })
+            let kind = self.as_one(|kind| match kind {
+                Kind::Named(item) => Some(Some(&**item)),
+                Kind::Table(keys) => Some(keys.find(key).map(|key| &key.kind)),
+                _ => None,
+            })??;
+            Some((key.as_str(), Self { node, path: joined(&self.path, key), kind, ..self.clone() }))
         };
-        Some(table.iter().map(entry).collect())
+        Some(table.iter().filter_map(entry).collect())
     }
 
     pub(super) fn section(&self) -> Option<Section<'a>> {
-        match &self.node.value {
-            Value::Table(table) => {
-                Some(Section { given: self.clone(), table, asked: RefCell::default() })
-            }
-            Value::List(items) => {
-                let header = &self.path;
-                if !items.iter().all(|item| matches!(item.value, Value::Table(_))) {
-                    return self.expected(&"a table, { key = value, ... }");
-                }
-                self.mistakes.add(
-                    self.location(),
-                    format!("{header}: there can be only one; write [{header}], not [[{header}]]"),
-                );
-                None
-            }
-            _ => self.expected(&"a table"),
-        }
+        let Value::Table(table) = &self.node.value else { return None };
+        let of = |kind: &'static Kind| if let Kind::Table(keys) = kind { Some(keys) } else { None };
+        Some(Section { given: self.clone(), table, keys: self.as_one(of)? })
     }
 
-    /// The tables of `[[header]]`.
+    /// The tables of a list.
     pub(super) fn sections(&self) -> Vec<Section<'a>> {
-        if let Value::List(items) = &self.node.value {
-            return self.items(items).iter().filter_map(Self::section).collect();
-        }
-        let header = &self.path;
-        let message = format!("{header}: there can be several; write [[{header}]], not [{header}]");
-        self.mistakes.add(self.location(), message);
-        Vec::new()
+        self.list().iter().flatten().filter_map(Self::section).collect()
+    }
+
+    /// That of the kinds which the value may be for which a reader is.
+    fn as_one<T>(&self, read: impl Fn(&'static Kind) -> Option<T>) -> Option<T> {
+        let found = match self.kind {
+            Kind::Either(kinds) => kinds.iter().find_map(read),
+            kind => read(kind),
+        };
+        debug_assert!(found.is_some(), "{}: keys.md says something else", self.path);
+        found
     }
 }
+
+/// Up to here every whole number is an f64.
+pub(super) const EXACT: std::ops::RangeInclusive<f64> = 0.0..=(1_u64 << 53) as f64;
 
 /// A path and one key more, as TOML and `--set` have it.
 fn joined(path: &str, key: &str) -> String {
@@ -343,135 +213,123 @@ fn joined(path: &str, key: &str) -> String {
     }
 }
 
-/// A range and a unit, as messages name them.
-struct Allowed<'a>(&'a Range, &'a str);
-
-impl fmt::Display for Allowed<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.1 {
-            "" => self.0.fmt(f),
-            unit => write!(f, "{} [{unit}]", self.0),
-        }
-    }
-}
-
 /// A table that is being read.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Section<'a> {
     given: Given<'a>,
-    table: &'a Table,
-    asked: RefCell<Vec<&'static str>>,
+    pub(super) table: &'a Table,
+    pub(super) keys: &'static Keys,
 }
 
 impl<'a> Section<'a> {
-    /// The value of a key, if there is one.
-    pub(super) fn get(&self, key: &'static str) -> Option<Given<'a>> {
-        if !self.asked.borrow().contains(&key) {
-            self.asked.borrow_mut().push(key);
-        }
-        let path = joined(&self.given.path, key);
-        self.table.get(key).map(|node| Given { node, path, mistakes: self.given.mistakes })
+    /// The row of a key, which must have one.
+    fn key(&self, key: &str) -> Option<&'static Key> {
+        let found = self.keys.find(key);
+        debug_assert!(found.is_some(), "keys.md has no `{key}` in {}", self.given.path);
+        found
     }
 
-    /// Says of a key that is given why it is of no use here; one that is not given stays unknown.
-    pub(super) fn refuse(&self, key: &'static str, why: &str) {
-        if self.table.get(key).is_some()
-            && let Some(given) = self.get(key)
-        {
+    /// The value of a key, if there is one.
+    pub(super) fn get(&self, key: &str) -> Option<Given<'a>> {
+        let row = self.key(key)?;
+        self.table.get(key).map(|node| Given {
+            node,
+            path: joined(&self.given.path, key),
+            kind: &row.kind,
+            unit: &row.unit,
+            mistakes: self.given.mistakes,
+        })
+    }
+
+    /// A value under a key that has no row.
+    pub(super) fn stray(&self, key: &str, node: &'a Node) -> Given<'a> {
+        Given { node, path: joined(&self.given.path, key), ..self.given.clone() }
+    }
+
+    /// Says of a key that is given why it is of no use here.
+    pub(super) fn refuse(&self, key: &str, why: &str) {
+        if let Some(given) = self.get(key) {
             given.fail(why);
         }
     }
 
     /// The value of a key that must be there.
-    pub(super) fn require<T>(
-        &self,
-        key: &'static str,
-        what: &str,
-        read: impl FnOnce(&Given<'a>) -> Option<T>,
-    ) -> Option<T> {
-        let given = self.get(key);
-        if given.is_none() {
-            self.fail(format!("`{key}` is missing: {what}"));
+    pub(super) fn require(&self, key: &str) -> Option<Given<'a>> {
+        let (given, row) = (self.get(key), self.key(key)?);
+        // Of one that is always required it has been said.
+        if given.is_none() && !row.required {
+            self.fail(format!("`{key}` is missing: {}", Allowed(&row.kind, &row.unit)));
         }
-        read(&given?)
+        given
     }
 
     /// The value of a key, or what it is if the key is not there; `None` if it is wrong.
     pub(super) fn read_or<T>(
         &self,
-        key: &'static str,
+        key: &str,
         default: T,
         read: impl FnOnce(&Given<'a>) -> Option<T>,
     ) -> Option<T> {
         self.get(key).map_or(Some(default), |given| read(&given))
     }
 
+    /// The value of a key, or nothing if the key is not there; `None` if it is wrong.
+    #[expect(clippy::option_option, reason = "wrong, none, or one")]
+    pub(super) fn optional<T>(
+        &self,
+        key: &str,
+        read: impl FnOnce(&Given<'a>) -> Option<T>,
+    ) -> Option<Option<T>> {
+        self.read_or(key, None, |given| read(given).map(Some))
+    }
+
     /// A number that must be there.
-    pub(super) fn number(&self, key: &'static str, range: Range, unit: &str) -> Option<f64> {
-        let what = Allowed(&range, unit).to_string();
-        self.require(key, &what, |given| given.number(range, unit))
+    pub(super) fn number(&self, key: &str) -> Option<f64> {
+        self.require(key)?.number()
     }
 
     /// A number that may be there.
-    pub(super) fn number_or(
-        &self,
-        key: &'static str,
-        default: f64,
-        range: Range,
-        unit: &str,
-    ) -> Option<f64> {
-        self.read_or(key, default, |given| given.number(range, unit))
+    pub(super) fn number_or(&self, key: &str, default: f64) -> Option<f64> {
+        self.read_or(key, default, Given::number)
+    }
+
+    /// A whole number that may be there.
+    pub(super) fn whole_or(&self, key: &str, default: u64) -> Option<u64> {
+        self.read_or(key, default, Given::whole)
+    }
+
+    /// A truth value that may be there.
+    pub(super) fn boolean_or(&self, key: &str, default: bool) -> Option<bool> {
+        self.read_or(key, default, Given::boolean)
     }
 
     /// A vector that must be there.
-    pub(super) fn vector(&self, key: &'static str, unit: &str) -> Option<Vec3> {
-        self.require(key, &format!("[x, y, z] [{unit}]"), |given| given.vector(Range::Any, unit))
+    pub(super) fn vector(&self, key: &str) -> Option<Vec3> {
+        self.require(key)?.vector()
     }
 
     /// A vector that may be there.
-    pub(super) fn vector_or(&self, key: &'static str, default: Vec3, unit: &str) -> Option<Vec3> {
-        self.read_or(key, default, |given| given.vector(Range::Any, unit))
+    pub(super) fn vector_or(&self, key: &str, default: Vec3) -> Option<Vec3> {
+        self.read_or(key, default, Given::vector)
     }
 
-    /// A table that must be there.
-    pub(super) fn section(&self, key: &'static str, what: &str) -> Option<Section<'a>> {
-        let given = self.get(key);
-        if given.is_none() {
-            self.fail(format!("[{key}] is missing: {what}"));
-        }
-        given?.section()
-    }
-
-    /// The tables of a `[[key]]` that must be there.
-    pub(super) fn some_sections(&self, key: &'static str, what: &str) -> Vec<Section<'a>> {
-        if self.get(key).is_none() {
-            self.fail(format!("[[{key}]] is missing: {what}"));
-        }
-        self.sections(key)
+    /// The table of a key, if there is one.
+    pub(super) fn section(&self, key: &str) -> Option<Section<'a>> {
+        self.get(key)?.section()
     }
 
     /// The tables of `[[key]]`, none if there are none.
-    pub(super) fn sections(&self, key: &'static str) -> Vec<Section<'a>> {
+    pub(super) fn sections(&self, key: &str) -> Vec<Section<'a>> {
         self.get(key).map_or_else(Vec::new, |given| given.sections())
     }
 
     /// Says what is wrong with the table as a whole.
     pub(super) fn fail(&self, what: impl fmt::Display) {
-        let path = &self.given.path;
-        let colon = if path.is_empty() { "" } else { ": " };
-        self.given.mistakes.add(self.given.location(), format!("{path}{colon}{what}"));
+        self.given.fail_whole(what);
     }
 
-    /// Refuses the keys that nobody asked for.
-    pub(super) fn finish(&self) {
-        let asked = self.asked.borrow();
-        for (key, node) in self.table {
-            if !asked.contains(&key.as_str()) {
-                let path = joined(&self.given.path, key);
-                let hint = suggestion(key, asked.iter().copied(), "allowed here");
-                Given { node, path, mistakes: self.given.mistakes }
-                    .fail(format!("no such key{}{hint}", not_there(&self.given.path, key, &hint)));
-            }
-        }
+    /// Its path in the file.
+    pub(super) fn path(&self) -> &str {
+        &self.given.path
     }
 }

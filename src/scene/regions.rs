@@ -1,21 +1,17 @@
 //! Regions in which particles appear or leave: from the file as written to [`Region`].
 
-use super::reader::{Given, Range, Section};
+use super::reader::{Given, Section};
 use crate::cell::AXES;
 use crate::drive::region::Region;
 use crate::math::Vec3;
 
 /// A plane (of an outlet), a box or a cylinder.
 pub(super) fn region(section: &Section, is_outlet: bool) -> Option<Region> {
-    let vector = |given: &Given| given.vector(Range::Any, "m");
-    let read = |key| section.get(key).map(|given| (vector(&given), given));
+    let read = |key| section.get(key).map(|given| (given.vector(), given));
     let plane = if is_outlet { [read("point"), read("normal")] } else { [None, None] };
     let corners = [read("low"), read("high")];
-    let axis = section.get("axis").map(|given| {
-        let ends = given.list_of::<2>("the middles of both ends, [[x, y, z], [x, y, z]] [m]");
-        (ends.map(|ends| ends.map(|end| vector(&end))), given)
-    });
-    let radius = section.get("radius").map(|given| given.number(Range::Positive, "m"));
+    let axis = section.get("axis").map(|given| (given.list_of(Given::vector), given));
+    let radius = section.get("radius").map(|given| given.number());
     match (plane, corners, axis, radius) {
         ([Some((point, _)), Some((normal, given))], [None, None], None, None) => {
             let (point, normal) = (point?, normal?);
@@ -36,8 +32,7 @@ pub(super) fn region(section: &Section, is_outlet: bool) -> Option<Region> {
             Some(Region::Box { low, high })
         }
         ([None, None], [None, None], Some((ends, given)), Some(radius)) => {
-            let [from, to] = ends?;
-            let (axis, radius) = ([from?, to?], radius?);
+            let (axis, radius) = (ends?, radius?);
             if axis[0] == axis[1] {
                 given.fail("both ends are one point; a flat one is still a little long");
                 return None;

@@ -73,8 +73,7 @@ impl Room<'_> {
             None
         };
         if let Some(problem) = problem
-            && let Some(fill) = self.root.get("fill").and_then(|fill| fill.section())
-            && let Some(given) = fill.get("rain")
+            && let Some(given) = self.root.section("fill").and_then(|fill| fill.get("rain"))
         {
             given.fail(problem);
         }

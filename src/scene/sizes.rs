@@ -1,6 +1,6 @@
 //! Sizes of the particles of a shape: from the file as written to [`Sizes`].
 
-use super::reader::{Given, Range};
+use super::reader::Given;
 use crate::population::sizes::{By, Distribution, Law, Sizes};
 
 /// What `limits` and `uniform` are.
@@ -31,7 +31,6 @@ pub(super) fn sizes(given: &Given) -> Option<Sizes> {
             Some((Law::Weibull { scale, shape }, None))
         }),
     ];
-    section.finish();
     let mut laws = laws.into_iter().flatten();
     let (Some(law), None) = (laws.next(), laws.next()) else {
         section.fail("give one of `uniform`, `normal`, `lognormal`, `weibull`, `table`");
@@ -74,15 +73,13 @@ pub(super) fn by(given: &Given) -> Option<By> {
 /// The two numbers of a law.
 fn parameters(given: &Given, keys: [&'static str; 2]) -> Option<[f64; 2]> {
     let section = given.section()?;
-    let [first, second] = keys.map(|key| section.number(key, Range::Positive, ""));
-    section.finish();
+    let [first, second] = keys.map(|key| section.number(key));
     Some([first?, second?])
 }
 
 /// The smallest scale and the largest.
 fn two(given: &Given) -> Option<[f64; 2]> {
-    let [least, largest] = given.list_of(TWO)?.map(|item| item.number(Range::Positive, ""));
-    let (least, largest) = (least?, largest?);
+    let [least, largest] = given.list_of(Given::number)?;
     if least > largest {
         given.fail(format!("{least:?} is more than {largest:?}; must be {TWO}"));
         return None;
@@ -92,15 +89,9 @@ fn two(given: &Given) -> Option<[f64; 2]> {
 
 /// A cumulative curve, and its ends.
 fn table(given: &Given) -> Option<(Law, Option<[f64; 2]>)> {
-    let rows: Vec<Option<[f64; 2]>> = given
-        .list(ROWS)?
-        .iter()
-        .map(|row| {
-            let [scale, share] = row.list_of(ROWS)?;
-            Some([scale.number(Range::Positive, "")?, share.number(Range::NotNegative, "")?])
-        })
-        .collect();
-    let rows: Vec<[f64; 2]> = rows.into_iter().collect::<Option<_>>()?;
+    let rows: Option<Vec<[f64; 2]>> =
+        given.list()?.iter().map(|row| row.list_of(Given::number)).collect();
+    let rows = rows?;
     let rises = rows.windows(2).all(|pair| pair[0][0] < pair[1][0] && pair[0][1] <= pair[1][1]);
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
         given.fail(format!("is empty; must be {ROWS}"));

@@ -2,10 +2,12 @@
 
 mod servos;
 
+pub(super) use servos::{highest_stress, stress_of_force};
+
 use super::matter::{Materials, Names};
 use super::mistakes::suggestion;
 use super::motions::{Motions, axis_of_turn, repeats};
-use super::reader::{Given, Range, Section};
+use super::reader::{Given, Section};
 use crate::cell::{AXES, Cell, SIDES};
 use crate::contact::Method;
 use crate::drive::free::FreeWall;
@@ -85,7 +87,6 @@ impl<'a> Walls<'a> {
         if let Some(section) = domain_section {
             walls.read_sides(section, domain, materials);
             walls.read_velocities(section);
-            section.finish();
         }
         for section in root.sections("wall") {
             walls.names.add(&section);
@@ -122,7 +123,7 @@ impl<'a> Walls<'a> {
         };
         let material = materials.find_in(section, "wall_material");
         let sides = SIDES.map(|side| (side.0, side));
-        let items = given.list("a list of sides: \"-x\", \"+x\", \"-y\", \"+y\", \"-z\", \"+z\"");
+        let items = given.list();
         for item in items.unwrap_or_default() {
             let side = item.one_of(&sides);
             let name = side.map_or("", |(name, ..)| name);
@@ -145,12 +146,8 @@ impl<'a> Walls<'a> {
 
     fn read_velocities(&mut self, section: &Section) {
         let Some(given) = section.get("wall_velocity") else { return };
-        let Some(entries) = given.entries() else {
-            given.fail("must be a table, as in { \"+z\" = [0, 0, -0.001] } [m/s]");
-            return;
-        };
-        for (name, given) in entries {
-            let velocity = given.vector(Range::Any, "m/s");
+        for (name, given) in given.entries().unwrap_or_default() {
+            let velocity = given.vector();
             let Some(k) = self.names.index(name) else {
                 let hint = suggestion(name, self.names.listing(), "there are");
                 given.fail(format!("no such wall in `domain.walls`{hint}"));
@@ -179,32 +176,7 @@ impl<'a> Walls<'a> {
         places.extend(
             names.zip(velocities).filter_map(|(name, given)| Some((name.as_str(), given?))),
         );
-        self.motions.check(|given, name| {
-            let k = self.names.index(name);
-            let (Some(Planned { wall, .. }), Some(domain)) = (k.and_then(|k| self.all[k].as_ref()), domain) else {
-                return;
-            };
-            let Some(course) = &wall.course else { return };
-            let (shifts, turn) = course.fastest();
-            let (mut wall, room) = (wall.clone(), (domain.low(), domain.high()));
-            wall.angular_velocity = Vec3::zeros();
-            let mut speed = 0.0;
-            for shift in shifts {
-                wall.velocity = shift;
-                speed += wall.way(1.0, &room);
-            }
-            (wall.velocity, wall.angular_velocity) = (Vec3::zeros(), turn);
-            speed += wall.way(1.0, &room);
-            if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
-                given.fail(format!(
-                    "moves by up to {:.2e} m in a step towards or from grains within the domain, more than {} % of the \
-                     shortest axis of the smallest grain; motions must be slower by a factor {:.2e}, or `step` shorter",
-                    speed * dt,
-                    100.0 * LONGEST_MOVE,
-                    slower_by(speed * dt, most)
-                ));
-            }
-        });
+        self.check_courses(domain, library, dt);
         let rotations = others.iter().map(|section| section.get("rotation"));
         for (planned, given) in self.all[self.all.len() - others.len()..].iter().zip(rotations) {
             let (Some(Planned { wall, .. }), Some(given), Some(domain)) = (planned, given, domain)
@@ -250,6 +222,36 @@ impl<'a> Walls<'a> {
                 given.fail(wrong);
             }
         }
+    }
+
+    /// The same of walls that follow a course.
+    fn check_courses(&self, domain: Option<&Cell>, library: &Library, dt: Option<f64>) {
+        self.motions.check(|given, name| {
+            let k = self.names.index(name);
+            let (Some(Planned { wall, .. }), Some(domain)) = (k.and_then(|k| self.all[k].as_ref()), domain) else {
+                return;
+            };
+            let Some(course) = &wall.course else { return };
+            let (shifts, turn) = course.fastest();
+            let (mut wall, room) = (wall.clone(), (domain.low(), domain.high()));
+            wall.angular_velocity = Vec3::zeros();
+            let mut speed = 0.0;
+            for shift in shifts {
+                wall.velocity = shift;
+                speed += wall.way(1.0, &room);
+            }
+            (wall.velocity, wall.angular_velocity) = (Vec3::zeros(), turn);
+            speed += wall.way(1.0, &room);
+            if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
+                given.fail(format!(
+                    "moves by up to {:.2e} m in a step towards or from grains within the domain, more than {} % of the \
+                     shortest axis of the smallest grain; motions must be slower by a factor {:.2e}, or `step` shorter",
+                    speed * dt,
+                    100.0 * LONGEST_MOVE,
+                    slower_by(speed * dt, most)
+                ));
+            }
+        });
     }
 
     /// Those that move freely, under gravity [m/s²].
@@ -361,6 +363,14 @@ impl<'a> Walls<'a> {
     }
 }
 
+/// Is a wall driven by something else than forces?
+pub(super) fn are_driven(root: &Section) -> bool {
+    let has = |section: &Section, key| section.get(key).is_some();
+    root.section("domain").is_some_and(|domain| has(&domain, "wall_velocity"))
+        || root.sections("wall").iter().any(|wall| has(wall, "velocity"))
+        || root.sections("motion").iter().any(|motion| !has(motion, "mass"))
+}
+
 /// A `[[wall]]`.
 fn planned(
     name: String,
@@ -380,29 +390,20 @@ fn planned(
             }
         }
         let planes = section.sections("planes");
-        if planes.is_empty() {
-            section.fail("`planes` must have at least one { point, normal }");
-        }
-        let read = |section: &Section| {
-            let plane = plane(section, domain);
-            section.finish();
-            plane
-        };
-        let read: Vec<_> = planes.iter().map(read).collect();
+        let read: Vec<_> = planes.iter().map(|section| plane(section, domain)).collect();
         read.into_iter().collect::<Option<Vec<_>>>()
     } else {
         plane(section, domain).map(|plane| vec![plane])
     };
-    let velocity = section.vector_or("velocity", Vec3::zeros(), "m/s");
+    let velocity = section.vector_or("velocity", Vec3::zeros());
     let rotation =
         section.read_or("rotation", None, |given| rotation(&given.section()?, domain).map(Some));
-    let surface_velocity = section.vector_or("surface_velocity", Vec3::zeros(), "m/s");
+    let surface_velocity = section.vector_or("surface_velocity", Vec3::zeros());
     let material = materials.find_in(section, "material");
     let torque_about = section.read_or("torque_about", None, |given| {
-        given.vector(Range::Any, "m").map(|point| Some(TorqueAbout::Fixed(point)))
+        given.vector().map(|point| Some(TorqueAbout::Fixed(point)))
     });
-    let wears = section.read_or("wear", false, Given::boolean);
-    section.finish();
+    let wears = section.boolean_or("wear", false);
 
     let torque = torque_about?;
     let wears = wears?;
@@ -518,18 +519,12 @@ fn surface<'a>(
 /// A cylinder, or a cone with a radius at each end.
 fn of_revolution(given: Given, is_cone: bool) -> Option<Surface> {
     let section = given.section()?;
-    let (from, to) = (section.vector("from", "m"), section.vector("to", "m"));
+    let (from, to) = (section.vector("from"), section.vector("to"));
     let radii = if is_cone {
-        let what = "two radii, at `from` and at `to`, as in [0.1, 0.02] [m]";
-        section.require("radius", what, |given| {
-            let radii =
-                given.list_of::<2>(what)?.map(|given| given.number(Range::NotNegative, "m"));
-            Some([radii[0]?, radii[1]?])
-        })
+        section.require("radius").and_then(|given| given.list_of(Given::number))
     } else {
-        section.number("radius", Range::Positive, "m").map(|radius| [radius; 2])
+        section.number("radius").map(|radius| [radius; 2])
     };
-    section.finish();
     let (from, to, radii) = (from?, to?, radii?);
     if from == to {
         given.fail("`from` and `to` are the same point; they are the ends of its axis");
@@ -661,29 +656,20 @@ struct Triangles {
     smooth: f64,
 }
 
-/// The largest angle between the faces of an edge that may count as smooth [°].
-const SMOOTHEST: f64 = 60.0;
-/// The default [°]: that of a cylinder of 36 strips.
+/// The angle up to which edges count as smooth, if the file does not say [°]: that of a cylinder of 36 strips.
 const SMOOTH: f64 = 10.0;
 
 fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangles> {
-    let scale = section.number_or("scale", 1.0, Range::Positive, "");
+    let scale = section.number_or("scale", 1.0);
     let turn = section.read_or("turn", Quat::identity(), |given| {
         let section = given.section()?;
-        let axis =
-            section.require("axis", "[x, y, z], about which the file is turned", Given::direction);
-        let angle = section.number("angle", Range::Any, "degrees");
-        section.finish();
+        let axis = section.require("axis").and_then(|given| given.direction());
+        let angle = section.number("angle");
         Some(rotation_about(&axis?, angle?.to_radians()))
     });
-    let shift = section.vector_or("shift", Vec3::zeros(), "m");
-    let weld = section.number_or("weld", 0.0, Range::NotNegative, "m");
-    let smooth = section.number_or("smooth", SMOOTH, Range::NotNegative, "degrees");
-    if let (Some(smooth), Some(given)) = (smooth, section.get("smooth"))
-        && smooth > SMOOTHEST
-    {
-        given.fail(format!("must be at most {SMOOTHEST:?} degrees"));
-    }
+    let shift = section.vector_or("shift", Vec3::zeros());
+    let weld = section.number_or("weld", 0.0);
+    let smooth = section.number_or("smooth", SMOOTH);
     let path = folder.join(given.text()?);
     let corners = mesh::triangles(&path).map_err(|error| given.fail(error)).ok()?;
     if let Some(lost) = mesh::lost_digits(&path, &corners) {
@@ -735,8 +721,8 @@ fn median_side(corners: &[[Vec3; 3]]) -> f64 {
 
 /// A point of a plane [m] and its unit normal.
 fn plane(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
-    let point = section.vector("point", "m");
-    let normal = section.require("normal", "[x, y, z], towards the particles", |given| {
+    let point = section.vector("point");
+    let normal = section.require("normal").and_then(|given| {
         let normal = given.direction()?;
         if let Some(axis) = (0..3).find(|&axis| repeats(domain, axis) && normal[axis] != 0.0) {
             given.fail(format!("must be 0 along {}, which is periodic", AXES[axis]));
@@ -749,7 +735,6 @@ fn plane(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
 /// The point about which a wall turns [m], and its angular velocity [rad/s].
 fn rotation(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
     let (about, axis) = axis_of_turn(section, domain);
-    let rate = section.number("rate", Range::Any, "rad/s");
-    section.finish();
+    let rate = section.number("rate");
     Some((about?, axis? * rate?))
 }

@@ -353,3 +353,31 @@ fn a_stop_that_holds_at_the_last_step_ends_the_stage() {
     run(&["--start", "out"]).said_once("[stop] reached: 30 steps");
     run(&["--start", "out"]).said_once("nothing left to do");
 }
+
+/// A stage with the scene of the one before by `like`, and with a copy of it: on one rank, and on two.
+#[test]
+fn a_stage_that_is_like_the_one_before_has_the_bits_of_a_copy() {
+    let whole = heap(Launch::Alone);
+    let directory = fresh_directory("like");
+    let before: toml::Table = fs::read_to_string(scene("heap")).unwrap().parse().unwrap();
+    let step = &before["time"]["step"];
+    let own = format!("[time]\nstep = {step}\nsteps = 300\n[output]\ndirectory = \"out\"");
+    let mut like: toml::Table = own.parse().unwrap();
+    like.insert("start".to_owned(), whole.directory.to_str().unwrap().into());
+    let mut copied = like.clone();
+    copied.extend(before.into_iter().filter(|(key, _)| {
+        ["domain", "gravity", "material", "interaction", "shape", "wall", "contact", "law"]
+            .contains(&key.as_str())
+    }));
+    like.insert("like".to_owned(), "start".into());
+    let run = |name: &str, text: &toml::Table, launch: Launch| {
+        let (file, out) = (directory.join(format!("{name}.toml")), directory.join(name));
+        fs::write(&file, text.to_string()).unwrap();
+        dem_mpi(launch, [file.as_os_str(), "--out".as_ref(), out.as_os_str()]).succeed();
+        out
+    };
+    let copied = run("copied", &copied, Launch::Alone);
+    assert!(column(&copied, "contacts").values().any(|&count| count > 500.0));
+    assert_same_result(&copied, &run("alone", &like, Launch::Alone));
+    assert_same_result(&copied, &run("two", &like, Launch::Ranks(2)));
+}

@@ -38,6 +38,11 @@ fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
         }
         for (k, block) in scenes(&fs::read_to_string(&path)?).iter().enumerate() {
             let name = format!("{}, block {k}", path.display());
+            if block.contains("include =") || block.contains("like =") {
+                // What it takes is not there.
+                block.parse::<Table>().with_context(|| name)?;
+                continue;
+            }
             let text = if block.contains("[time]") { block.clone() } else { completed(block)? };
             Scene::parse(&text, &name, Path::new(""), &[]).with_context(|| name)?;
             count += 1;
@@ -88,11 +93,13 @@ fn the_list_of_keys_is_that_of_scenes() -> anyhow::Result<()> {
     }
     let listed: BTreeSet<(String, String)> = keys::all()
         .into_iter()
-        .flat_map(|key| key.names.into_iter().map(move |name| (key.table.clone(), name)))
+        .flat_map(|row| row.names.into_iter().map(move |name| (row.table.clone(), name)))
         .collect();
-    let unlisted: Vec<_> =
-        used.difference(&listed).filter(|(table, _)| table != "interaction").collect();
-    let unused: Vec<_> = listed.difference(&used).collect();
+    let unlisted: Vec<_> = used.difference(&listed).collect();
+    // Of two materials are constants that one has, too.
+    let unused = listed.difference(&used).filter(|(table, _)| table != "interaction");
+    // It needs a stage before.
+    let unused: Vec<_> = unused.filter(|(_, key)| key != "like").collect();
     assert!(
         unlisted.is_empty() && unused.is_empty(),
         "not listed: {unlisted:?}; in no scene: {unused:?}"
@@ -103,7 +110,7 @@ fn the_list_of_keys_is_that_of_scenes() -> anyhow::Result<()> {
 #[test]
 fn keys_are_printed_by_table() {
     let domain = keys::text(Some("domain")).unwrap();
-    assert!(domain.starts_with("[domain]\n  low, high [m]  "), "{domain}");
+    assert!(domain.starts_with("[domain]\n") && domain.contains("\n  low, high [m]  "), "{domain}");
     assert_eq!(domain, keys::text(Some("[domain]")).unwrap());
     assert!(domain.lines().all(|line| line.chars().count() <= 110), "{domain}");
     let all = keys::text(None).unwrap();

@@ -1,8 +1,9 @@
 //! Scene files: what is wrong with them is said, all of it, at the right place; what they mean comes
 //! out; the particles they describe are where they should be.
 
-use crate::support::{close, scene};
+use crate::support::{begun, close, save, scene};
 use anyhow::{Context, Result};
+use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::wire;
 use dem_mpi::contact::{Epa, ErodedGjk};
 use dem_mpi::drive::rain::of_layer;
@@ -465,7 +466,7 @@ fn wrong_overrides_are_named() {
         (
             "stopp.rest=1e-6",
             "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
-             global_damping, start, contact, law, material, interaction, shape, domain, motion, wall, inlet, fill, outlet, time, servo, stop, neighbours, audit, output)",
+             global_damping, start, like, include, folder, domain, wall, motion, servo, material, interaction, shape, contact, law, time, stop, neighbours, audit, output, inlet, outlet, fill)",
         ),
         ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),
         (
@@ -483,6 +484,234 @@ fn wrong_overrides_are_named() {
         assert_eq!(errors.problems.len(), 1, "{errors}");
         assert!(errors.to_string().contains(&format!("\n--set {text}: ")), "{errors}");
     }
+}
+
+// --- parts of scenes ---
+
+/// A folder with these files.
+fn files(files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, text) in files {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+        std::fs::write(path, text).expect("a file");
+    }
+    folder
+}
+
+/// Where the mistakes of a scene in a folder are, without the folder, and the mistakes.
+fn mistakes(folder: &Path, scene: &str, overrides: &[&str]) -> Vec<String> {
+    let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
+    let errors = Scene::read(&folder.join(scene), &overrides).expect_err(scene).to_string();
+    let folder = format!("{}/", folder.display());
+    errors.lines().skip(1).map(|line| line.replace(&folder, "")).collect()
+}
+
+/// A scene of three files, in two folders, is that which says all by itself; so is the text that snapshots have.
+#[test]
+fn included_files_are_merged() -> Result<()> {
+    let path = Path::new("tests/scenes/good/parts.toml");
+    let scene = Scene::read(path, &[])?;
+    let names: Vec<&str> = scene.materials.iter().map(|material| &*material.name).collect();
+    assert_eq!(names, ["glass", "steel"], "a new one stands behind");
+    assert_eq!(scene.materials[0].density, 2500.0);
+    let glass = MaterialId(0);
+    assert_eq!(interactions(&scene).of(glass, glass).friction, 0.5);
+    let walls: Vec<&str> = scene.walls.iter().map(|wall| &*wall.name).collect();
+    assert_eq!(walls, ["-z", "-x", "box"]);
+    assert_eq!(scene.gravity, Vec3::new(0.0, 0.0, -9.81));
+    assert_eq!(scene.out, Path::new("out/common"));
+    assert_eq!(scene.history_every, 5);
+    let [Fill::Lattice(lattice)] = &scene.initial[..] else { panic!("one lattice") };
+    assert!(lattice.first.z > 0.06, "lists without names are replaced");
+
+    let by_itself = "title = \"Of several files\"\ngravity = [0.0, 0.0, -9.81]\n\
+         [domain]\nlow = [0, 0, 0]\nhigh = [0.1, 0.1, 0.1]\nwalls = [\"-z\", \"-x\"]\nwall_material = \"steel\"\n\
+         [[material]]\nname = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4\nfriction = 0.5\nrestitution = 0.8\n\
+         [[material]]\nname = \"steel\"\ndensity = 7800\nnormal_stiffness = 4e4\n\
+         [[shape]]\nname = \"ball\"\nmaterial = \"glass\"\nkind = \"sphere\"\nradius = 5e-3\n\
+         size = { lognormal = { median = 1, sigma = 0.1 }, limits = [0.8, 1.2] }\n\
+         [[wall]]\nname = \"box\"\nmaterial = \"steel\"\nmesh = \"../good/box.stl\"\nscale = 1e-3\nshift = [0.05, 0.05, 0.02]\n\
+         [[fill.lattice]]\nlow = [0, 0, 0.06]\nhigh = [0.1, 0.1, 0.1]\n\
+         [time]\nstep = 1e-5\nsteps = 10\n[output]\ndirectory = \"out/common\"\nhistory_every = 5\n";
+    let without = |scene: Scene| Scene { text: String::new(), ..scene };
+    let expected = Scene::parse(by_itself, "one", Path::new("tests/scenes/parts"), &[])?;
+    let saved = Scene::parse(&scene.text, "saved", Path::new("elsewhere"), &[])?;
+    assert!(!scene.text.contains("include"), "{}", scene.text);
+    assert_eq!(saved.text, scene.text);
+    let scene_text = scene.text.clone();
+    assert_eq!(without(saved), without(expected.clone()));
+    assert_eq!(without(scene), without(expected));
+
+    // A saved scene may be a part, too: it says where its files are.
+    let part = files(&[("saved.toml", &scene_text), ("scene.toml", "include = \"saved.toml\"\n")]);
+    let of_saved = Scene::read(&part.path().join("scene.toml"), &[])?;
+    assert_eq!(of_saved.walls.len(), 3);
+
+    let set =
+        Scene::read(path, &["material.glass.friction=0.25".to_owned(), "wall=[]".to_owned()])?;
+    assert_eq!(interactions(&set).of(glass, glass).friction, 0.25);
+    assert_eq!(set.walls.len(), 2);
+    Ok(())
+}
+
+/// A scene that includes a part.
+const WITH_PART: &str = "include = \"part.toml\"\n[time]\nstep = 1e-5\nsteps = 1\n[output]\ndirectory = \"out\"\n\
+    [[fill.lattice]]\nfirst = [0.05, 0.05, 0.05]\ncount = [1, 1, 1]\n";
+/// That part.
+const PART: &str = "[domain]\nlow = [0, 0, 0]\nhigh = [0.1, 0.1, 0.1]\n\
+    [[material]]\nname = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4\n\
+    [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.01\n";
+
+#[test]
+fn mistakes_of_included_files_have_their_places() {
+    let with = |part: &str| files(&[("scene.toml", WITH_PART), ("part.toml", part)]);
+    assert!(Scene::read(&with(PART).path().join("scene.toml"), &[]).is_ok());
+
+    let part = PART.replace("radius = 0.01", "radius = -0.01\nradios = 2");
+    assert_eq!(
+        mistakes(with(&part).path(), "scene.toml", &["time.steps=-1"]),
+        [
+            "part.toml:11: shape.ball.radius = -0.01: must be a number greater than 0 [m]",
+            "part.toml:12: shape.ball.radios = 2: no such key, did you mean `radius`? (allowed here: name, material, kind, radius, \
+             diameter, size)",
+            "--set time.steps=-1: time.steps = -1: must be a whole number, 0 or greater",
+        ]
+    );
+    let found = mistakes(with("[domain]\nlow = [0, 0,\n").path(), "scene.toml", &[]);
+    assert!(found[0].starts_with("part.toml:2: not valid TOML: "), "{found:?}");
+
+    let alone = files(&[("scene.toml", WITH_PART)]);
+    let missing = "scene.toml:1: include = \"part.toml\": part.toml cannot be read: No such file or directory (os error 2)";
+    assert_eq!(mistakes(alone.path(), "scene.toml", &[]), [missing]);
+    std::fs::create_dir(alone.path().join("part.toml")).unwrap();
+    let found = mistakes(alone.path(), "scene.toml", &[]);
+    assert!(found[0].ends_with("part.toml cannot be read: it is not a regular file"), "{found:?}");
+
+    let circle = files(&[
+        ("scene.toml", WITH_PART),
+        ("part.toml", "include = [\"of/other.toml\"]\n"),
+        ("of/other.toml", "\ninclude = \"../part.toml\"\n"),
+    ]);
+    assert_eq!(
+        mistakes(circle.path(), "scene.toml", &[]),
+        [
+            "of/other.toml:2: include = \"../part.toml\": goes in a circle: part.toml includes of/other.toml includes of/../part.toml"
+        ]
+    );
+    let itself = files(&[("scene.toml", "include = \"scene.toml\"\n")]);
+    assert_eq!(
+        mistakes(itself.path(), "scene.toml", &[]),
+        [
+            "scene.toml:1: include = \"scene.toml\": goes in a circle: scene.toml includes scene.toml"
+        ]
+    );
+    for (include, said) in [
+        (
+            "3",
+            "include = 3: must be a string, or a list of one or more, each a string, not a number",
+        ),
+        ("[]", "include = []: must be a list of one or more, each a string"),
+        ("[\"part.toml\", 4]", "include.1 = 4: must be a string, not a number"),
+    ] {
+        let scene = WITH_PART.replace("\"part.toml\"", include);
+        let folder = files(&[("scene.toml", &scene), ("part.toml", PART)]);
+        assert_eq!(mistakes(folder.path(), "scene.toml", &[]), [format!("scene.toml:1: {said}")]);
+    }
+    let set = mistakes(with(PART).path(), "scene.toml", &["include=part.toml"]);
+    assert_eq!(
+        set,
+        ["--set include=part.toml: include = \"part.toml\": is of a file, not of an override"]
+    );
+    let deep: Vec<(String, String)> =
+        (0..20).map(|k| (format!("{k}.toml"), format!("include = \"{}.toml\"\n", k + 1))).collect();
+    let deep: Vec<(&str, &str)> = deep.iter().map(|(name, text)| (&**name, &**text)).collect();
+    let found = mistakes(files(&deep).path(), "0.toml", &[]);
+    assert!(found[0].contains("is too much: a scene has at most 100 files, and 16"), "{found:?}");
+}
+
+/// A stage whose scene is like that of the stage before, in another folder, with a mesh.
+#[test]
+fn a_stage_may_be_like_the_one_before() -> Result<()> {
+    let stl = include_str!("../scenes/good/box.stl");
+    let walls = "[[wall]]\nname = \"box\"\nmesh = \"box.stl\"\nscale = 1e-3\nshift = [0.05, 0, 0]\n\
+        [[wall]]\nname = \"lid\"\npoint = [0, 0, 0.1]\nnormal = [0, 0, -1]\n";
+    let first = format!(
+        "gravity = [0, 0, -1]\nseed = 4\n{PART}{walls}[time]\nstep = 1e-5\nsteps = 1\n[output]\ndirectory = \"out\"\n\
+         [[fill.lattice]]\nfirst = [0.05, 0.05, 0.05]\ncount = [1, 1, 1]\n"
+    );
+    let folder = files(&[("first/scene.toml", &first), ("first/box.stl", stl)]);
+    let before = Scene::read(&folder.path().join("first/scene.toml"), &[])?;
+    assert!(before.text.starts_with("folder = \""), "{}", before.text);
+    let out = folder.path().join("out");
+    let mut comm = Alone::default();
+    save(&begun(&before, &mut comm), &out, &before, &mut comm);
+
+    let own = "[time]\nstep = 2e-5\nsteps = 3\n[output]\ndirectory = \"next\"\n";
+    let steel = "[[material]]\nname = \"glass\"\nnormal_stiffness = 2e4\n[[wall]]\nname = \"lid\"\nvelocity = [0, 0, -0.01]\n";
+    let head = format!("title = \"next\"\nstart = {out:?}\n");
+    let like = format!("{head}like = \"start\"\n{steel}{own}");
+    let copied = format!(
+        "{head}gravity = [0, 0, -1]\n{}{}{own}",
+        PART.replace("1e4", "2e4"),
+        walls.replace("box.stl", "../first/box.stl") + "velocity = [0, 0, -0.01]\n",
+    );
+    for (name, text) in [("like.toml", &like), ("copied.toml", &copied)] {
+        std::fs::create_dir_all(folder.path().join("second"))?;
+        std::fs::write(folder.path().join("second").join(name), text)?;
+    }
+    let read = |name: &str| Scene::read(&folder.path().join("second").join(name), &[]);
+    let without = |scene: Scene| Scene { text: String::new(), ..scene };
+    let (like, copied) = (read("like.toml")?, read("copied.toml")?);
+    assert!(!like.text.contains("like"), "{}", like.text);
+    assert_eq!(without(like.clone()), without(copied));
+    // It goes on where the stage before is gone, from a snapshot of its own.
+    let own_out = folder.path().join("next");
+    save(&begun(&before, &mut comm), &own_out, &like, &mut comm);
+    std::fs::remove_dir_all(&out)?;
+    let path = folder.path().join("second/like.toml");
+    let goes_on = Scene::read_to_go_on(&path, &[], &own_out)?;
+    assert_eq!(without(goes_on), without(Scene { jumps: None, ..like }));
+    Ok(())
+}
+
+#[test]
+fn a_stage_that_is_like_none_says_so() -> Result<()> {
+    let own = "[time]\nstep = 2e-5\nsteps = 3\n[output]\ndirectory = \"next\"\n";
+    let of = |head: &str| files(&[("scene.toml", &format!("{head}\n{own}"))]);
+    let without_start = of("like = \"start\"");
+    let said =
+        "scene.toml:1: like = \"start\": there is no `start`: the snapshot whose scene is meant";
+    assert_eq!(mistakes(without_start.path(), "scene.toml", &[]), [said]);
+    let other = of("like = \"begin\"");
+    let said = "scene.toml:1: like = \"begin\": no such choice (allowed: start)";
+    assert_eq!(mistakes(other.path(), "scene.toml", &[]), [said]);
+    let nowhere = of("start = \"out/nowhere\"\nlike = \"start\"");
+    let found = mistakes(nowhere.path(), "scene.toml", &[]);
+    assert!(found[0].contains("there is no snapshot at out/nowhere"), "{found:?}");
+
+    // A snapshot that was made without a scene, and a mistake in the one that it has.
+    let text =
+        format!("{PART}{own}[[fill.lattice]]\nfirst = [0.05, 0.05, 0.05]\ncount = [1, 1, 1]\n");
+    let before = scene(&text);
+    for (text, said) in [
+        (String::new(), "has no scene"),
+        (text.replace("0.01", "-1"), "shape.ball.radius = -1: must be a number greater than 0 [m]"),
+    ] {
+        let folder = tempfile::tempdir()?;
+        let out = folder.path().join("out");
+        let mut comm = Alone::default();
+        save(&begun(&before, &mut comm), &out, &Scene { text, ..before.clone() }, &mut comm);
+        let path = folder.path().join("scene.toml");
+        std::fs::write(path, format!("start = {out:?}\nlike = \"start\"\n{own}"))?;
+        let found = mistakes(folder.path(), "scene.toml", &[]);
+        assert!(found.len() == 1 && found[0].ends_with(said), "{found:?}");
+        assert!(
+            found[0].starts_with("the scene in out:11: ") || said == "has no scene",
+            "{found:?}"
+        );
+    }
+    Ok(())
 }
 
 // --- particles ---

@@ -1,9 +1,7 @@
 //! A particle's scale does what another shape of that size does: in contacts, in motion, on any number of ranks, in
 //! files and in what is computed from them.
 
-use crate::support::{
-    Bench, Frame, OnRanks, all_bits, begun, motion, save, scaled, scene,
-};
+use crate::support::{Bench, Frame, OnRanks, all_bits, begun, motion, save, scaled, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{Epa, ErodedGjk, Method, Outcome, Posed, clearance, table};

@@ -6,7 +6,7 @@ use crate::comm::alone::Alone;
 use crate::contacts::Loaded;
 use crate::random::{Random, mixed};
 use crate::scene::assemble::{self, Continuation};
-use crate::scene::check::Need;
+use crate::scene::parts::Need;
 use crate::scene::{Rain, Scene, plan};
 use crate::sim::report::machine_bytes;
 use crate::sim::{Simulation, run};

@@ -6,7 +6,7 @@ use crate::drive::servo::{Goal, Servo};
 use crate::math::Vec3;
 use crate::population::Library;
 use crate::scene::mistakes::CELL;
-use crate::scene::reader::{Given, Range, Section};
+use crate::scene::reader::{Given, Section};
 use crate::walls::{Across, Wall};
 
 /// Parts of velocities along a direction, and of turns out of a plane, that are less than this are rounding.
@@ -20,6 +20,29 @@ struct Push<'a> {
     along: Option<Vec3>,
     /// May walls stand otherwise than the scene says, as a stage before has left them?
     is_later: bool,
+}
+
+/// The stress that a servo of force [N] counts as where nothing is known of what its walls touch [Pa]: over the smallest side of
+/// the domain, whose corners are these [m].
+pub(in crate::scene) fn stress_of_force(force: f64, low: &Vec3, high: &Vec3) -> f64 {
+    let widths = high - low;
+    force * widths.max() / widths.product()
+}
+
+/// The highest stress that servos keep [Pa]. What is wrong in them is said elsewhere.
+pub(in crate::scene) fn highest_stress(root: &Section) -> f64 {
+    let corners = || {
+        let domain = root.section("domain")?;
+        Some((domain.get("low")?.vector()?, domain.get("high")?.vector()?))
+    };
+    let of_servo = |servo: &Section| match servo.get("force") {
+        Some(force) => {
+            let (low, high) = corners()?;
+            Some(stress_of_force(force.number()?, &low, &high))
+        }
+        None => servo.get("stress")?.number(),
+    };
+    root.sections("servo").iter().filter_map(of_servo).fold(0.0, f64::max)
 }
 
 impl Walls<'_> {
@@ -47,22 +70,15 @@ impl Walls<'_> {
         library: &Library,
         dt: Option<f64>,
     ) -> Option<Vec<Servo>> {
-        let names = section.require("walls", "names of walls, as in [\"-x\", \"+x\"]", |given| {
-            let items = given.list("a list of names of walls, as in [\"-x\", \"+x\"]")?;
-            if items.is_empty() {
-                given.fail("must have at least one wall");
-            }
-            Some(items)
-        });
+        let names = section.require("walls").and_then(|given| given.list());
         let (push, goal) = goal(section, is_later);
         let walls = names.and_then(|names| {
             let walls = names.iter().map(|name| self.steered(name, domain, push.as_ref()));
             walls.collect::<Vec<_>>().into_iter().collect::<Option<Vec<usize>>>()
         });
-        let max_speed = section.number_or("max_speed", 1.0, Range::Positive, "m/s");
-        let gain = section.number_or("gain", 1.0, Range::Positive, "");
-        let coupled = section.read_or("coupled", false, Given::boolean);
-        section.finish();
+        let max_speed = section.number_or("max_speed", 1.0);
+        let gain = section.number_or("gain", 1.0);
+        let coupled = section.boolean_or("coupled", false);
         if let Some(wrong) = max_speed.and_then(|speed| too_fast(speed, dt, library)) {
             section.fail(format!("`max_speed` {wrong}"));
         } else if let (Some(goal), Some(walls), Some(speed)) = (&goal, &walls, max_speed)
@@ -180,7 +196,7 @@ fn goal<'a>(section: &Section<'a>, is_later: bool) -> (Option<Push<'a>>, Option<
             along.fail("is of a servo of `force`; a stress is kept along the normal");
         }
         let goal = if let Some(stress) = stress {
-            stress.number(Range::Positive, "Pa").map(Goal::Stress)
+            stress.number().map(Goal::Stress)
         } else {
             section.fail("`stress` [Pa] or `force` [N] is missing: a number greater than 0");
             None
@@ -190,7 +206,7 @@ fn goal<'a>(section: &Section<'a>, is_later: bool) -> (Option<Push<'a>>, Option<
     if let Some(stress) = stress {
         stress.fail("stands beside `force`; a servo keeps one of them");
     }
-    let newtons = force.number(Range::Positive, "N");
+    let newtons = force.number();
     let along = given.as_ref().and_then(Given::direction);
     let is_wrong = given.is_some() && along.is_none();
     let goal = newtons.filter(|_| !is_wrong).map(|newtons| Goal::Force { newtons, along });
