@@ -8,7 +8,7 @@ pub(crate) mod random;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::{ContactRecords, StateColumn};
-use dem_mpi::drive::SavedState;
+use dem_mpi::drive::{Reporter, SavedState};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::snapshot;
@@ -245,7 +245,7 @@ impl State {
         }
         let forces = m.wall_forces.iter().flat_map(|force| force.iter());
         scalars.extend(forces.map(|&x| ("force".to_owned(), x)));
-        scalars.extend(sim.all_observers().flat_map(|observer| observer.counted()));
+        scalars.extend(sim.all_observers().flat_map(Reporter::counted));
         Self {
             bits: all_bits(&sim.particle_table(comm.rank())).collect(),
             records: remembered(&sim.contact_records()).collect(),
