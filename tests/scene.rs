@@ -524,8 +524,7 @@ fn included_files_are_merged() -> Result<()> {
     let [Fill::Lattice(lattice)] = &scene.initial[..] else { panic!("one lattice") };
     assert!(lattice.first.z > 0.06, "lists without names are replaced");
 
-    let by_itself =
-        "title = \"Of several files\"\ngravity = [0.0, 0.0, -9.81]\n\
+    let by_itself = "title = \"Of several files\"\ngravity = [0.0, 0.0, -9.81]\n\
          [domain]\nlow = [0, 0, 0]\nhigh = [0.1, 0.1, 0.1]\nwalls = [\"-z\", \"-x\"]\nwall_material = \"steel\"\n\
          [[material]]\nname = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4\nfriction = 0.5\nrestitution = 0.8\n\
          [[material]]\nname = \"steel\"\ndensity = 7800\nnormal_stiffness = 4e4\n\
