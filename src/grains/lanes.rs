@@ -5,7 +5,7 @@
 //! are found when the program runs, so one program serves all.
 //!
 //! Code in lanes is inlined always and has no closures. A closure that is used twice becomes a function without wide registers, and each of its operations
-//! a call. `nothing_in_wide_registers_is_called` in `tests/registers.rs` finds them.
+//! a call. `nothing_in_wide_registers_is_called` in `tests/law/registers.rs` finds them.
 
 #![expect(unsafe_code, reason = "vector registers, behind types that only AVX code makes")]
 #![expect(clippy::inline_always, reason = "a vector stays in registers only if nothing is called")]

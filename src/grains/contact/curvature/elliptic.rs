@@ -5,7 +5,7 @@
 //! axes' ratio of the contact ellipse, and that from `R'/R''` by an equation without a closed solution. It is a smooth
 //! function of `m = (1/R' + 1/R'') / (2 √(1/R' 1/R''))`, as `R'` and `R''` may be exchanged. In `z = 2 / (1 + m)` a quotient of two
 //! polynomials of degree 10 has it to 5e-14, up to `R'/R''` = 10⁴ ([`LARGEST_RATIO`]): it was made to be exact in 21 places, with 60
-//! digits; `tests/curvature.rs` has it against integrals. Beyond it is off by 1e-9 at 2·10⁴.
+//! digits; `tests/contact/curvature.rs` has it against integrals. Beyond it is off by 1e-9 at 2·10⁴.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
