@@ -778,7 +778,11 @@ fn wrong_sizes_are_said_with_their_place() {
         (row("1"), "size = 2\n", "shape.ball.size"),
         (row("1"), "size = { uniform = [1.2, 0.8] }\n", "1.2 is more than 0.8"),
         (row("1"), "size = { uniform = [0, 1] }\n", "must be a number greater than 0"),
-        (row("1"), "size = { uniform = [1] }\n", "has 1 items; must be a list of two numbers"),
+        (
+            row("1"),
+            "size = { uniform = [1] }\n",
+            "has 1 items; must be a list of two: [smallest, largest]",
+        ),
         (row("1"), "size = { gauss = [1, 2] }\n", "gauss"),
         (row("1"), "size = { uniform = [1e-90, 1] }\n", "leave the range of numbers"),
     ] {

@@ -485,7 +485,7 @@ fn bad_round_walls_are_refused() {
         ("cylinder = {", "smooth = 5\ncylinder = {", "is of a `mesh`"),
         ("cylinder = {", "point = [0, 0, 0]\ncylinder = {", "a wall has one surface"),
         ("radius = 0.0115", "radius = 0.0115, side = 1", "side"),
-        ("cylinder = { from", "cone = { from", "two radii"),
+        ("cylinder = { from", "cone = { from", "a list of two: [from, to]"),
         (
             "walls = [\"-y\", \"+y\"]",
             "periodic = [true, false, false]",
