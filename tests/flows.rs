@@ -3,7 +3,7 @@
 use crate::support::{OnRanks, State, begun, expect_refused, save, scene, schedule};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::threads;
-use dem_mpi::drive::Restart;
+use dem_mpi::drive::{Reporter, Restart};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::{Reader, particles_name};
 use dem_mpi::scene::Scene;
@@ -960,7 +960,7 @@ fn leg(
             ..schedule(scene, last_step, folder)
         };
         run(&mut sim, &schedule, comm, &mut |_| {}).unwrap();
-        sim.all_observers().flat_map(|observer| observer.counted()).collect()
+        sim.all_observers().flat_map(Reporter::counted).collect()
     });
     counted.into_iter().next().unwrap()
 }

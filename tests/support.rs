@@ -4,7 +4,7 @@ use crate::random::Draw;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::contact::StateColumn;
-use dem_mpi::drive::SavedState;
+use dem_mpi::drive::{Reporter, SavedState};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::output::header::Header;
@@ -159,7 +159,7 @@ impl State {
         }
         let forces = m.wall_forces.iter().flat_map(|force| force.iter());
         scalars.extend(forces.map(|&x| ("force".to_owned(), x)));
-        scalars.extend(sim.all_observers().flat_map(|observer| observer.counted()));
+        scalars.extend(sim.all_observers().flat_map(Reporter::counted));
         Self {
             bits: motion(&sim.particle_table(comm.rank())).collect(),
             scalars: scalars.into_iter().map(|(name, x)| (name, x.to_bits())).collect(),

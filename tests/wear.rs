@@ -6,6 +6,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::contact::StateColumn;
+use dem_mpi::drive::Reporter;
 use dem_mpi::drive::ledger::{Worn, worn};
 use dem_mpi::math::{Vec3, rotation_about};
 use dem_mpi::output::report::Origin;
@@ -392,8 +393,7 @@ fn wear_that_begins_within_a_stage_is_told() {
         )
         .unwrap();
         assert_eq!(work(&after).to_bits(), done.to_bits());
-        let said: Vec<String> =
-            after.all_observers_mut().flat_map(|observer| observer.warnings()).collect();
+        let said: Vec<String> = after.all_observers_mut().flat_map(Reporter::warnings).collect();
         let is_told = |told: &str| said.iter().any(|said| said.starts_with(told));
         assert!(
             if told.is_empty() { said.is_empty() } else { is_told(told) },
