@@ -1,5 +1,5 @@
 //! `entered_NAME.csv` and `left_NAME.csv`: who came through an inlet, or left through an outlet, that keeps a list
-//! ([`crate::drive::Drive::lists`]); a row for each grain, by step, then by id. Rank 0 writes; every digit is the same on any number of ranks.
+//! ([`crate::drive::Observer::lists`]); a row for each grain, by step, then by id. Rank 0 writes; every digit is the same on any number of ranks.
 //!
 //! A row is of the moment at the end of a step at which a grain is there for the first time, or is gone. Of one that is gone the velocity
 //! is that at the end of the step if nothing touched it in the last half of it.

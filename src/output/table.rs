@@ -11,7 +11,7 @@
 //! the moment and the velocities of the step before it; their velocity; the reference point, if the place does not say it; and
 //! of those that turn the angular velocity and the rotation since the start, as axis times angle (at most π).
 //!
-//! What drives count ([`crate::drive::Drive::counted`]) stands in the last columns: what came through inlets, what left through
+//! What drives count ([`crate::drive::Reporter::counted`]) stands in the last columns: what came through inlets, what left through
 //! outlets, the work of walls and what was lost at them ([`crate::drive::ledger`]).
 //!
 //! Of a sheared cell there are the strain and the stresses of [`crate::measure::Bulk`] besides.
