@@ -428,7 +428,7 @@ fn main() -> anyhow::Result<()> {
         );
         writeln!(
             table,
-            "{name},{listed:.3},{contacts:.3},{bytes:.0},{time:.2},{ratio:.3},{counted}"
+            "{name:?},{listed:.3},{contacts:.3},{bytes:.0},{time:.2},{ratio:.3},{counted}"
         )?;
     }
     if let Some(record) = &record {

@@ -46,7 +46,7 @@ pub(super) fn count(record: Option<&Path>) -> anyhow::Result<()> {
             );
             writeln!(
                 table,
-                "{name},{phase},{counted:.1},{:.1},{:.1},{least:.2},{over:.3}",
+                "{name:?},{phase},{counted:.1},{:.1},{:.1},{least:.2},{over:.3}",
                 needed.operations, needed.bytes
             )?;
         }
