@@ -14,5 +14,3 @@ mod shape;
 mod sim;
 mod support;
 mod walls;
-
-use sim::symmetries;

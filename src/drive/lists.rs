@@ -21,7 +21,7 @@ impl Lists {
         self.of_place.iter().filter_map(|(name, _)| name.as_deref())
     }
 
-    /// Notes particles that pass at a place, if that keeps a list. What is left of a step before goes: nobody has asked for it.
+    /// Notes particles that pass at a place, if that keeps a list. Particles of an earlier step that nobody took are dropped.
     pub fn note(&mut self, step: u64, place: usize, particles: &[Particle]) {
         if self.step != step {
             self.of_place.iter_mut().for_each(|(_, noted)| noted.clear());

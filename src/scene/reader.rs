@@ -1,7 +1,7 @@
-//! Readers of values and tables. What may stand where the table of keys says ([`SCENE`]); whether it does [`form`](super::form) looks
-//! first, and reports it ([`Mistakes`]).
+//! Readers of values and tables. The table of keys ([`SCENE`]) says which values are allowed. [`form`](super::form) checks them before
+//! any reader, and reports each mistake ([`Mistakes`]).
 //!
-//! A reader never stops at a mistake. It gives `None` where the value is not what it may be, so that one run finds all mistakes of a file.
+//! A reader returns `None` for a value that is not allowed and goes on, so that one run finds all mistakes of a file.
 
 use super::input::{Node, Table, Value, name_of};
 use super::keys::SCENE;

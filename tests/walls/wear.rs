@@ -1,7 +1,7 @@
 //! What walls do and suffer: their work, what is lost at them, and the mean force on their triangles.
 
+use crate::sim::symmetries::SHAPES;
 use crate::support::{Bench, ball, begun, close, save, scene, schedule};
-use crate::symmetries::SHAPES;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use dem_mpi::comm::alone::Alone;

@@ -1,4 +1,4 @@
-//! What the benchmarks share: grains of a scene, solids, lines over two axes, medians, tasks on all cores, the machine, runs of the program.
+//! The library of the benchmarks: grains of a scene, solids, lines over two axes, medians, tasks on all cores, the machine, runs of the program.
 
 pub mod grains;
 pub mod lines;
@@ -17,7 +17,7 @@ pub fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
-/// Quartiles and median between them, interpolated. Of at least one value.
+/// Quartiles and median between them, interpolated. There must be at least one value.
 pub fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
     values.sort_unstable_by(f64::total_cmp);
     let last = (values.len() - 1) as f64;

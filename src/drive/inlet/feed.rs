@@ -136,8 +136,8 @@ impl Running {
         due
     }
 
-    /// What was due by the rate and the end and has not come, in the unit of the rate: grains or kg. Of the grains that are `due` so many
-    /// have `found` a place.
+    /// The amount that was due by the rate and the end and has not come, in the unit of the rate: grains or kg. The first
+    /// `found` of the grains that are `due` have a place.
     fn missing(&self, due: &[Particle], found: usize, moment: &Moment, library: &Library) -> f64 {
         let Self { inlet, mass, .. } = self;
         let (count, waiting) = (self.count as f64, &due[found..]);

@@ -1,4 +1,4 @@
-//! What a snapshot holds of servos: a row for each wall with a servo. What coupled walls have in common stands with each of them.
+//! The state of servos in snapshots: a row for each wall with a servo. The state that coupled walls share stands in each of their rows.
 
 use super::errors::{Course, Errors, PARTS};
 use super::law::{Goal, State};

@@ -147,8 +147,8 @@ pub(super) fn link_last(directory: &Path, name: &str) -> io::Result<()> {
 }
 
 /// The particles files of a directory by which a run may go on, the newest first: that of [`LAST`], then
-/// those of the steps before it. What a run left of later steps before it went back to an earlier
-/// snapshot is none of them.
+/// those of the steps before it. Files of later steps, which a run left before it went back to an earlier
+/// snapshot, are not among them.
 pub(super) fn candidates(directory: &Path) -> Vec<PathBuf> {
     let last = directory.join(LAST);
     let linked = fs::read_link(&last).ok();

@@ -29,7 +29,7 @@ pub(in crate::scene) fn stress_of_force(force: f64, low: &Vec3, high: &Vec3) -> 
     force * widths.max() / widths.product()
 }
 
-/// The highest stress that servos keep [Pa]. What is wrong in them is said elsewhere.
+/// The highest stress that servos keep [Pa]. Mistakes in them are reported where servos are read.
 pub(in crate::scene) fn highest_stress(root: &Section) -> f64 {
     let corners = || {
         let domain = root.section("domain")?;
