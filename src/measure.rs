@@ -222,7 +222,7 @@ pub fn measure(
     for contact in contacts.loaded(law, particles) {
         let moment =
             if particles.wall_of(contact.pair.b).is_some() { at_walls.next() } else { None };
-        if contact.pair.a.index() >= particles.owned {
+        if !particles.is_owned(contact.pair.a) {
             continue;
         }
         totals.add_contact(&contact, law, particles);
@@ -335,7 +335,8 @@ impl Totals {
         self.add(Of::Stored, law.stored(pair, particles, geometry, state));
         self.add(Of::ContactForce, force.norm());
         if self.stresses.is_some() {
-            let branch = particles.bodies().relative(pair);
+            let whole = Pair { a: particles.body_of(a), b: particles.body_of(b) };
+            let branch = particles.bodies().relative(whole);
             self.add_stress(0, |i, j| force[i] * branch[j]);
         }
         let overlap = geometry.overlap / shortest_axis(particles, a, b);

@@ -4,6 +4,7 @@
 //! resolvers say what touches, [`Contacts::arrange`] puts that in order beside what was remembered, and in
 //! [`Contacts::compute_forces`] a law finds the forces, and the new columns take the place of the old.
 
+mod pieces;
 mod surfaces;
 
 use crate::contact::curvature::{self, Curvature};
@@ -13,6 +14,7 @@ use crate::contact::{
 };
 use crate::ids::{GlobalId, Slot};
 use crate::lanes::prefetch;
+use crate::law::kernel::CONTACT_POINT;
 use crate::law::{ForceLaw, Last, Separated, Sums, Work};
 use crate::math::Vec3;
 use crate::particles::{Needs, Particles, held};
@@ -271,6 +273,8 @@ pub struct Contacts {
     separated: Vec<Separated>,
     /// How curved the bodies of the contacts in work are; none if the law does not ask.
     curvatures: Vec<Curvature>,
+    /// The part of the mass that each has of those in work; none without pieces of unions.
+    shares: Vec<f64>,
 }
 
 impl Contacts {
@@ -408,6 +412,10 @@ impl Contacts {
         if on_meshes || surfaces::has_equal_planes(pairs, particles) {
             surfaces::merge(touching, pairs, particles);
         }
+        let with_pieces = pieces::are_there(pairs, particles);
+        if with_pieces {
+            pieces::merge(touching, pairs, particles);
+        }
         // As a rule the same touch, and were found in their order: then nothing else is looked at.
         let are_same = touching.pair == self.stretches[stretch].numbers;
         if are_same || touching.pair.is_sorted() {
@@ -435,10 +443,31 @@ impl Contacts {
             from.push(same.map_or(Previous::NONE, |(_, place)| Previous::at(place)));
         }
         separated.extend(rest.map(|(_, place)| Separated { place, before: from.len() }));
-        if on_meshes {
-            let (now, before) =
-                ((&*now.pairs, &*now.geometry), (&*before.pairs, &*before.geometry));
-            surfaces::pass_on(now, before, from, separated, particles);
+        if on_meshes || with_pieces {
+            let (now, last) = ((&*now.pairs, &*now.geometry), (&*before.pairs, &*before.geometry));
+            surfaces::pass_on(now, last, from, separated, particles);
+        }
+        if with_pieces {
+            self.see_from_new_pieces(stretch, particles);
+        }
+    }
+
+    /// Contact points that are remembered are seen from the piece that has the contact now.
+    fn see_from_new_pieces(&mut self, stretch: usize, particles: &Particles) {
+        let Self { stretches, now, from, remembered, width, .. } = self;
+        let mut columns = StateColumn::ranges(remembered);
+        let Some((_, point)) = columns.find(|(column, _)| column.name == CONTACT_POINT.name) else {
+            return;
+        };
+        let before = &mut stretches[stretch];
+        for (pair, from) in now.pairs.iter().zip(from).filter(|(_, from)| **from != Previous::NONE) {
+            let place = from.index();
+            let last = before.pairs[place].a;
+            if last != pair.a {
+                let moved = particles.position[last.index()] - particles.position[pair.a.index()];
+                let numbers = &mut before.state[place * *width..][point.clone()];
+                numbers.iter_mut().zip(&moved).for_each(|(number, moved)| *number += moved);
+            }
         }
     }
 
@@ -481,7 +510,7 @@ impl Contacts {
         dt: f64,
         sums: &mut Sums,
     ) {
-        let Self { stretches, now, spare, from, separated, width, curvatures, .. } = self;
+        let Self { stretches, now, spare, from, separated, width, curvatures, shares, .. } = self;
         let before = &mut stretches[stretch];
         if from.is_empty() && separated.is_empty() {
             // The same pairs touch, and nobody will ask again for those before.
@@ -491,8 +520,10 @@ impl Contacts {
         if particles.needs.curvature {
             curvature::find(&particles.bodies(), &now.pairs, &now.geometry, curvatures);
         }
+        pieces::shares(&now.pairs, &now.geometry, particles, shares);
         let mut work = Work {
             pairs: &now.pairs,
+            shares,
             geometry: &now.geometry,
             points: &now.points,
             patches: &now.patches,
@@ -605,11 +636,11 @@ impl Contacts {
         self.len() == 0
     }
 
-    /// How many contacts each of the first `owned` particles has, with particles and walls.
-    pub fn coordination(&self, owned: usize) -> Vec<i32> {
-        let mut contacts = vec![0; owned];
+    /// How many contacts each owned particle has, with particles and walls.
+    pub fn coordination(&self, particles: &Particles) -> Vec<i32> {
+        let mut contacts = vec![0; particles.owned];
         for slot in self.iter().flat_map(|(pair, _)| [pair.a, pair.b]) {
-            if let Some(count) = contacts.get_mut(slot.index()) {
+            if let Some(count) = contacts.get_mut(particles.body_of(slot).index()) {
                 *count += 1;
             }
         }
@@ -645,6 +676,7 @@ impl Contacts {
             + held(&self.from)
             + held(&self.separated)
             + held(&self.curvatures)
+            + held(&self.shares)
     }
 }
 

@@ -8,6 +8,7 @@
 //! A grain with faces or a straight side has one contact with all facets that are one surface ([`crate::contact::thickness_on_surface`]), so that
 //! there is nothing to leave out. Its contact passes to any facet, if the normal turns by less than half of a right angle.
 
+use super::pieces;
 use crate::contact::{Geometry, Pair, Previous, Touching, touch_of_sphere};
 use crate::ids::{GlobalId, Slot};
 use crate::law::Separated;
@@ -35,7 +36,7 @@ impl<'a> OnMesh<'a> {
 }
 
 /// The cosine of half of a right angle.
-const HALF_OF_RIGHT: f64 = std::f64::consts::FRAC_1_SQRT_2;
+pub(super) const HALF_OF_RIGHT: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// The cosine of an angle that is rounding.
 const ALIKE: f64 = 1.0 - 1e-12;
@@ -147,6 +148,27 @@ impl OnMesh<'_> {
         self.mesh.is_on_face(self.facet, &place, tolerance)
     }
 
+    /// How near the normal of a contact of a grain is to that of one that has ended, as a cosine, if it may go on from it.
+    fn nearness(
+        &self,
+        (now, normal): (Pair, &Vec3),
+        (before, last): (Pair, &Vec3),
+        particles: &Particles,
+    ) -> Option<f64> {
+        let was = OnMesh::of(before, particles)?;
+        if before.a != now.a || was.wall != self.wall {
+            return None;
+        }
+        let nearness = last.dot(normal);
+        let is_same = if is_extended(before, particles) {
+            nearness > HALF_OF_RIGHT
+        } else {
+            // A grain that comes through a period goes on with the image of its facet.
+            nearness > ALIKE || nearness > 0.0 && self.mesh.adjoin(self.facet, was.facet)
+        };
+        is_same.then_some(nearness)
+    }
+
     /// Has a grain the edge in it: is one of two facets a face, and the other an edge of it, felt from outside?
     fn is_sharp_beside(&self, other: &Self, normals: [&Vec3; 2], particles: &Particles) -> bool {
         let frame = particles.walls[self.wall].frame();
@@ -240,7 +262,8 @@ fn merge_of_one(of_one: &[OnWall], stays: &mut [bool], particles: &Particles) {
     }
 }
 
-/// Lets new contacts on meshes go on from those that have ended on facets beside theirs: of several, from that with the nearest normal.
+/// Lets new contacts on meshes go on from those that have ended on facets beside theirs, and those of pieces from those of others of the same
+/// bodies: of several, from that with the nearest normal.
 pub(super) fn pass_on(
     (now, geometry): (&[Pair], &[Geometry]),
     (before, geometry_before): (&[Pair], &[Geometry]),
@@ -252,21 +275,13 @@ pub(super) fn pass_on(
         if from[row] != Previous::NONE || separated.is_empty() {
             continue;
         }
-        let Some(on) = OnMesh::of(now[row], particles) else { continue };
+        let on = OnMesh::of(now[row], particles);
         let nearness = |ended: &Separated| {
-            let pair = before[ended.place];
-            let was = OnMesh::of(pair, particles)?;
-            if pair.a != now[row].a || was.wall != on.wall {
-                return None;
-            }
-            let nearness = geometry_before[ended.place].normal.dot(&geometry[row].normal);
-            let is_same = if is_extended(pair, particles) {
-                nearness > HALF_OF_RIGHT
-            } else {
-                // A grain that comes through a period goes on with the image of its facet.
-                nearness > ALIKE || nearness > 0.0 && on.mesh.adjoin(on.facet, was.facet)
-            };
-            is_same.then_some(nearness)
+            let (pair, last) = (before[ended.place], &geometry_before[ended.place].normal);
+            let new = (now[row], &geometry[row].normal);
+            on.as_ref()
+                .and_then(|on| on.nearness(new, (pair, last), particles))
+                .or_else(|| pieces::likeness(new, (pair, last), particles))
         };
         let mut best: Option<(f64, GlobalId, usize)> = None;
         for (k, ended) in separated.iter().enumerate() {

@@ -89,7 +89,7 @@ impl Domain {
     }
 
     /// Drops the ghosts that are in none of `pairs`, gives the slots in these their new numbers, and
-    /// appends the walls.
+    /// appends pieces and walls. Pairs are of bodies still, whatever their pieces.
     pub fn keep_paired_ghosts(&mut self, particles: &mut Particles, pairs: &mut [Pair]) {
         let owned = particles.owned;
         let ghosts = owned..particles.first_facet();
@@ -138,7 +138,13 @@ impl Domain {
         }
         particles.strip_to_owned();
         self.take_ghosts(particles, offers);
-        particles.append_walls();
+        particles.append_pieces_and_walls();
+        let (facets, pieces) = (particles.first_piece(), particles.pieces());
+        for slot in pairs.iter_mut().map(|pair| &mut pair.b) {
+            if slot.index() >= facets {
+                slot.0 += pieces as u32;
+            }
+        }
     }
 
     /// Appends the ghosts of one neighbour after the other.

@@ -57,7 +57,7 @@ impl Domain {
                 leaving.records = ContactRecords::of(contacts.remembered());
             }
             for named in records.iter() {
-                for owner in [named.a, named.b].iter().filter_map(|id| new_owner.get(id)) {
+                for owner in [named.a, named.b].iter().filter_map(|id| new_owner.get(&id.body())) {
                     if let Some(leaving) = leaving.get_mut(owner) {
                         leaving.records.push(&named);
                     }

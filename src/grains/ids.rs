@@ -2,13 +2,18 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A body's name for life. Particles count from 0; facets of walls stand above all particles, in the order of the
-/// walls, then of the facets of a wall, so that a facet is always the second body of a pair.
+/// A body's name for life. Particles count from 0; pieces of unions stand above all particles, in the order of their bodies, and
+/// facets of walls above these, in the order of the walls, then of the facets of a wall, so that a facet is always the second body of
+/// a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct GlobalId(pub u64);
 
 impl GlobalId {
     const FIRST_WALL: u64 = 1 << 62;
+    const FIRST_PIECE: u64 = 1 << 61;
+    const PIECE_BITS: u32 = 10;
+    /// Particles of unions, whose pieces have names of their own, are fewer than this.
+    pub const MOST_OF_PIECES: u64 = 1 << 51;
     /// Bits of the number of a facet within its wall; the number of a wall in a file has as many.
     const FACET_BITS: u32 = 30;
     const FACET: u64 = (1 << Self::FACET_BITS) - 1;
@@ -21,6 +26,29 @@ impl GlobalId {
     /// The id of a facet, by the index of its wall in the scene and its own index within the wall.
     pub const fn facet(wall: usize, facet: usize) -> Self {
         Self(Self::FIRST_WALL + ((wall as u64) << Self::FACET_BITS) + facet as u64)
+    }
+
+    /// The id of a piece of this particle.
+    #[must_use]
+    pub const fn piece(self, piece: usize) -> Self {
+        Self(Self::FIRST_PIECE + (self.0 << Self::PIECE_BITS) + piece as u64)
+    }
+
+    /// The number of the piece, or `None` for a particle or a wall.
+    pub const fn piece_index(self) -> Option<usize> {
+        if self.0 < Self::FIRST_PIECE || self.0 >= Self::FIRST_WALL {
+            return None;
+        }
+        Some((self.0 & ((1 << Self::PIECE_BITS) - 1)) as usize)
+    }
+
+    /// The id of the body that a piece belongs to; of others their own.
+    #[must_use]
+    pub const fn body(self) -> Self {
+        match self.piece_index() {
+            Some(_) => Self((self.0 - Self::FIRST_PIECE) >> Self::PIECE_BITS),
+            None => self,
+        }
     }
 
     /// The index of the wall, or `None` for a particle.
@@ -64,7 +92,10 @@ impl std::fmt::Display for GlobalId {
         match self.wall_and_facet() {
             Some((wall, 0)) => write!(f, "wall {wall}"),
             Some((wall, facet)) => write!(f, "wall {wall}, facet {facet}"),
-            None => write!(f, "{}", self.0),
+            None => match self.piece_index() {
+                Some(piece) => write!(f, "{}, piece {}", self.body().0, piece + 1),
+                None => write!(f, "{}", self.0),
+            },
         }
     }
 }
@@ -145,5 +176,9 @@ mod tests {
         assert!(files.windows(2).all(|two| two[0] < two[1]) && files[6] == -1);
         assert_eq!([GlobalId::wall(0), GlobalId::wall(2)].map(GlobalId::to_file), [-1, -3]);
         assert_eq!(GlobalId::from_file(17).wall_index(), None);
+        let piece = GlobalId(17).piece(3);
+        assert_eq!((piece.body(), piece.piece_index()), (GlobalId(17), Some(3)));
+        assert_eq!((piece.wall_index(), GlobalId::from_file(piece.to_file())), (None, piece));
+        assert!(GlobalId(18) < piece && piece < GlobalId(18).piece(0) && piece < ids[0]);
     }
 }

@@ -43,7 +43,7 @@ pub const MOST_STATE_OF_MOMENTS: usize = 16;
 
 /// Where the force acted, seen from the centre of A: what it does in a step is its work there. Of bodies other than
 /// spheres it runs over the surface, faster the flatter that is, and cannot be found again from the normal.
-const CONTACT_POINT: StateColumn = StateColumn::new("contact_point", 3, "m");
+pub const CONTACT_POINT: StateColumn = StateColumn::new("contact_point", 3, "m");
 /// What [`Model::last`] does not know of the tangential force there: that of dashpots.
 const VISCOUS_FORCE: StateColumn = StateColumn::new("viscous_force", 3, "N");
 /// Numbers of both.
@@ -362,9 +362,9 @@ impl<M: Model> Law<M> {
         assert!(M::BY_CURVATURE || !needs.curvature, "{} does not say so", model.name());
         assert!(!M::MOMENTS || needs.velocity && needs.spin, "{} turns nothing", model.name());
         let mut state = model.state().to_vec();
-        let grains = &library.shapes[..library.particle_shapes];
+        let grains = &library.shapes[library.grains()];
         let mut has_points = false;
-        let extended: Vec<[u8; 2]> = library.shapes.iter().map(|s| s.kind().extended()).collect();
+        let extended = extended(library);
         if extended.iter().any(|[first, _]| *first > 0) {
             state.extend(patches::REMEMBERED);
             assert!(M::FACES, "{} does not know faces", model.name());
@@ -414,9 +414,15 @@ impl<M: Model> Law<M> {
     /// Of two bodies, whatever their sizes.
     #[inline(never)]
     fn of_bodies(&self, a: Slot, b: Slot, particles: &Particles) -> OfPair<M> {
+        self.of_shares(Pair { a, b }, particles, 1.0)
+    }
+
+    /// The same of so much of their masses.
+    fn of_shares(&self, Pair { a, b }: Pair, particles: &Particles, share: f64) -> OfPair<M> {
         let [a, b] = [a, b].map(|slot| {
             let scale = particles.scale_of(slot.index());
-            Body::of(&particles.library, particles.shape[slot.index()], scale)
+            let whole = Body::of(&particles.library, particles.shape[slot.index()], scale);
+            Body { mass: whole.mass * share, ..whole }
         });
         self.of_pair(&a, &b)
     }
@@ -452,6 +458,12 @@ impl<M: Model> Law<M> {
         self.extended[a][0] & self.extended[b][1] != 0
     }
 
+    /// Is it not only for its pieces that a pair [has a patch](Self::has_patch)?
+    fn is_extended(&self, pair: Pair, particles: &Particles) -> bool {
+        let [a, b] = [pair.a, pair.b].map(|slot| particles.shape[slot.index()].index());
+        self.extended[a][0] & self.extended[b][1] & !(OF_FIRST | OF_SECOND) != 0
+    }
+
     /// Of a pair.
     fn constants(&self, pair: Pair, particles: &Particles) -> M::Constants<f64> {
         if particles.needs.scale {
@@ -460,6 +472,26 @@ impl<M: Model> Law<M> {
         let [a, b] = [pair.a, pair.b].map(|slot| particles.shape[slot.index()].index());
         self.of_shapes((a, b), particles).of_law
     }
+}
+
+/// Stands among the sorts of extended contacts of pieces as first bodies, and of all second ones.
+const OF_FIRST: u8 = 1 << 6;
+/// The other way round.
+const OF_SECOND: u8 = 1 << 7;
+
+/// With what sort of extended contact each shape can be the first and the second body, as bits, see [`Kind::extended`]. A pair with a piece has one
+/// with any other, so that it can have a share of its bodies' masses.
+fn extended(library: &Library) -> Vec<[u8; 2]> {
+    let own = library.shapes.iter().map(|shape| shape.kind().extended());
+    if library.pieces.is_empty() {
+        return own.collect();
+    }
+    let is_piece = |shape: usize| u8::from(library.piece(ShapeId(shape as u16)).is_some());
+    let with = |(shape, [first, second]): (usize, [u8; 2])| {
+        let piece = is_piece(shape);
+        [first | OF_SECOND | OF_FIRST * piece, second | OF_FIRST | OF_SECOND * piece]
+    };
+    own.enumerate().map(with).collect()
 }
 
 impl<M: Model> ForceLaw for Law<M> {
@@ -638,7 +670,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let pair = self.work.pairs.first()?;
         let with_walls = pair.b.index() >= self.particles.first_facet();
         let Particles { library, needs, .. } = self.particles;
-        if with_walls || library.particle_shapes > 1 || needs.scale {
+        if with_walls || library.grains().len() > 1 || needs.scale {
             return None;
         }
         Some(same::<M, L>(&self.law.of_shapes((0, 0), self.particles)))

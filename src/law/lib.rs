@@ -22,7 +22,7 @@ use dem_grains::{contact, ids, lanes, math, particles, population, shape};
 
 use crate::contact::curvature::Curvature;
 use crate::contact::{Geometry, Pair, Patch, Previous, StateColumn};
-use crate::ids::{MaterialId, ShapeId};
+use crate::ids::{MaterialId, ShapeId, Slot};
 use crate::lanes::{Row, prefetch};
 use crate::math::{Vec3, Vec3AndNumber};
 use crate::particles::columns::Quantity;
@@ -85,6 +85,8 @@ pub struct Work<'a> {
     pub patches: &'a [Patch],
     /// How curved the bodies of each are; empty if the law does not ask.
     pub curvatures: &'a [Curvature],
+    /// The part of the mass of its bodies that each has; empty if all have all of it.
+    pub shares: &'a [f64],
     /// Where each stands among those of the last step; empty if these are the same.
     pub from: &'a [Previous],
     /// What was remembered of those.
@@ -166,6 +168,7 @@ impl Sums {
 
     /// Gives the particles what has been summed.
     pub fn end(&mut self, particles: &mut Particles) {
+        self.gather(particles);
         self.force.truncate(particles.owned);
         self.torque.truncate(particles.owned);
         particles.force = std::mem::take(&mut self.force);
@@ -186,9 +189,29 @@ impl Sums {
                 *all += sum;
             }
         }
-        for of_one in self.on_walls.chunk_by(|one, other| one.pair.a == other.pair.a) {
-            let received = of_one.iter().map(|on_wall| on_wall.work).sum::<f64>();
-            particles.accumulated[Quantity::Received][of_one[0].pair.a.index()] += received;
+        let body = |on_wall: &OnWall| particles.body_of(on_wall.pair.a);
+        let of_bodies: Vec<(Slot, f64)> = self
+            .on_walls
+            .chunk_by(|one, other| body(one) == body(other))
+            .map(|of_one| (body(&of_one[0]), of_one.iter().map(|on_wall| on_wall.work).sum()))
+            .collect();
+        for (body, received) in of_bodies {
+            particles.accumulated[Quantity::Received][body.index()] += received;
+        }
+    }
+
+    /// Adds what acts on pieces to their bodies, in the order of the pieces.
+    fn gather(&mut self, particles: &Particles) {
+        for (piece, body, arm) in particles.owned_pieces() {
+            let of_piece = self.force[piece];
+            add(&mut self.force, body, [of_piece.vector.x, of_piece.vector.y, of_piece.vector.z, of_piece.number]);
+            if let Some(torque) = self.torque.get(piece).copied() {
+                let about = torque.vector + arm.cross(&of_piece.vector);
+                add(&mut self.torque, body, [about.x, about.y, about.z, torque.number]);
+            }
+            for part in self.parts.iter_mut().filter(|part| !part.is_empty()) {
+                part[body] += part[piece];
+            }
         }
     }
 
@@ -244,7 +267,7 @@ impl Sums {
         let Pair { a, b } = on_wall.pair;
         let wears = || particles.wall_of(b).is_some_and(|wall| particles.walls[wall].wears);
         let counts = on_wall.work != 0.0 || self.presses_on_walls.is_some() && wears();
-        if a.index() < particles.owned && counts {
+        if particles.is_owned(a) && counts {
             self.on_walls.push(on_wall);
             if let Some(presses) = &mut self.presses_on_walls {
                 presses.push(press());

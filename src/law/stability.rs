@@ -119,7 +119,7 @@ struct Kin {
 /// What bodies can touch in a library, particles that are none left out.
 fn kin(library: &Library) -> BTreeMap<Partner, Kin> {
     let mut all = BTreeMap::new();
-    for &material in &library.materials[library.particle_shapes..] {
+    for &material in &library.materials[library.facets()] {
         let infinite = f64::INFINITY;
         let walls = Kin { most: infinite, smallest: infinite, masses: [infinite; 2] };
         all.insert(Partner::Walls(material), walls);
@@ -291,9 +291,9 @@ pub fn limit_of_contacts<'a>(
     let body_in = |slot: usize| Body::of(library, particles.shape[slot], particles.scale_of(slot));
     let mut particles_around: BTreeMap<usize, (f64, Vec<Around>)> = BTreeMap::new();
     for (pair, geometry) in contacts {
-        let slots = [pair.a, pair.b].map(Slot::index);
+        let radii = [pair.a, pair.b].map(Slot::index).map(|slot| particles.inscribed_radius(slot));
+        let slots = [pair.a, pair.b].map(|slot| particles.body_of(slot).index());
         let bodies = slots.map(body_in);
-        let radii = slots.map(|slot| particles.inscribed_radius(slot));
         let overlap = geometry.overlap.max(0.0) / radii[0].min(radii[1]);
         let stiffer = law.about().stiffens(overlap, library);
         let mass = reduced(bodies[0].mass, bodies[1].mass);

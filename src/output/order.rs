@@ -102,7 +102,8 @@ impl Order {
         }
         let own = (0..count).filter(|&row| writer(row) == here).map(|row| row | OWN);
         order.places = own.chain(0..incoming.len() as u32).collect();
-        order.places.sort_unstable_by_key(|&place| match place & OWN {
+        // Rows of one key stay as they stand: contacts of two bodies in several places.
+        order.places.sort_by_key(|&place| match place & OWN {
             0 => incoming[place as usize],
             _ => keys[(place & !OWN) as usize],
         });

@@ -6,6 +6,7 @@
 //! where its cylinder ends, so that this is straight.
 
 use crate::math::Vec3;
+use crate::shape::union::Piece;
 use crate::shape::{Core, Kind, Shape};
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
@@ -51,6 +52,9 @@ impl std::str::FromStr for Detail {
 impl Surface {
     /// Of a shape.
     pub fn of(shape: &Shape, detail: Detail) -> Self {
+        if let Shape::Union(body) = shape {
+            return Self::of_pieces(body.pieces(), detail);
+        }
         if shape.kind() == Kind::Polyhedron
             && let Some(facets) = shape.facets()
         {
@@ -65,6 +69,20 @@ impl Surface {
         let mut surface = Self { points, normals: directions, ..Self::default() };
         for corners in triangles {
             surface.push(&corners);
+        }
+        surface
+    }
+
+    fn of_pieces(pieces: &[Piece], detail: Detail) -> Self {
+        let mut surface = Self::default();
+        for Piece { shape, centre, rotation } in pieces {
+            let of_piece = Self::of(shape, detail);
+            let first = surface.points.len() as u32;
+            let before = surface.members.len() as u32;
+            surface.points.extend(of_piece.points.iter().map(|point| centre + rotation * point));
+            surface.normals.extend(of_piece.normals.iter().map(|normal| rotation * normal));
+            surface.members.extend(of_piece.members.iter().map(|member| first + member));
+            surface.ends.extend(of_piece.ends.iter().map(|end| before + end));
         }
         surface
     }

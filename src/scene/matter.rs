@@ -1,7 +1,7 @@
 //! Materials and shapes: from the file as written to the library.
 
 use super::Mix;
-use super::geometry::geometry;
+use super::geometry::{geometry, is_union, union};
 use super::mistakes::suggestion;
 use super::reader::{Given, Section};
 use super::sizes::sizes;
@@ -10,7 +10,8 @@ use crate::population::sizes::Sizes;
 use crate::population::{Library, of_inertia, of_mass};
 use crate::shape::{Shape, Sphere};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::cell::RefCell;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 // --- names ---
@@ -22,6 +23,8 @@ pub(super) struct Names {
     pub(super) all: Vec<String>,
     /// The first of each name.
     indices: HashMap<String, usize>,
+    /// Which are pieces of others, so that nothing is meant by them unless they are named.
+    pieces: BTreeSet<usize>,
 }
 
 impl Names {
@@ -63,12 +66,13 @@ impl Names {
         index
     }
 
-    /// The index of the name under this key; of the only one there is, if the key is left out.
+    /// The index of the name under this key; of the only one there is beside pieces, if the key is left out.
     pub(super) fn find_in(&self, section: &Section, key: &str) -> Option<usize> {
-        match section.get(key) {
-            Some(given) => self.find(&given, given.text()?),
-            None if self.all.len() == 1 => Some(0),
-            None => {
+        let mut whole = (0..self.all.len()).filter(|index| !self.pieces.contains(index));
+        match (section.get(key), whole.next(), whole.next()) {
+            (Some(given), ..) => self.find(&given, given.text()?),
+            (None, only, None) if only.is_some() => only,
+            (None, ..) => {
                 let names = self.listing().collect::<Vec<_>>().join(", ");
                 if !names.is_empty() {
                     section.fail(format!("`{key}` is missing: one of {names}"));
@@ -148,10 +152,12 @@ impl Shapes {
     pub(super) fn read(root: &Section, materials: &Materials, folder: &Path) -> Self {
         let mut shapes =
             Self { names: Names::of("shape"), library: Library::default(), complete: true };
-        for section in &root.sections("shape") {
-            shapes.names.add(section);
+        let sections = root.sections("shape");
+        sections.iter().for_each(|section| shapes.names.add(section));
+        let (geometries, pieces) = geometries(&sections, &shapes.names, folder);
+        shapes.names.pieces = pieces;
+        for (k, (section, geometry)) in sections.iter().zip(geometries).enumerate() {
             let material = materials.find_in(section, "material");
-            let geometry = geometry(section, folder);
             let sizes = section.read_or("size", Sizes::One, sizes);
             let density = material.and_then(|id| materials.get(id)).map(|m| m.density);
             shapes.complete &= match (&geometry, density, &sizes) {
@@ -161,14 +167,14 @@ impl Shapes {
                 _ => false,
             };
             let id = shapes.library.push(
-                shapes.names.all.last().map_or("", String::as_str),
+                &shapes.names.all[k],
                 geometry.unwrap_or(Shape::Sphere(Sphere { radius: 0.0 })),
                 material.unwrap_or(MaterialId(0)),
                 density.unwrap_or_default(),
             );
             shapes.library.set_sizes(id, sizes.unwrap_or_default());
         }
-        shapes.library.particle_shapes = shapes.library.shapes.len();
+        shapes.library.end_particle_shapes();
         shapes
     }
 
@@ -181,6 +187,32 @@ impl Shapes {
         };
         mix.shapes().map(largest).fold(0.0, f64::max)
     }
+}
+
+/// The shapes of all sections, and which of them are pieces of unions, which are of shapes that are none.
+fn geometries(
+    sections: &[Section],
+    names: &Names,
+    folder: &Path,
+) -> (Vec<Option<Shape>>, BTreeSet<usize>) {
+    let pieces = RefCell::new(BTreeSet::new());
+    let single = |section: &Section| (!is_union(section)).then(|| geometry(section, folder));
+    let singles: Vec<Option<Option<Shape>>> = sections.iter().map(single).collect();
+    let find = |given: &Given| {
+        let index = names.find(given, given.text()?)?;
+        pieces.borrow_mut().insert(index);
+        let Some(shape) = &singles[index] else {
+            given.fail("is a union; pieces are convex: name its pieces here");
+            return None;
+        };
+        shape.clone()
+    };
+    let of = |(section, single): (&Section, &Option<Option<Shape>>)| match single {
+        Some(shape) => shape.clone(),
+        None => union(section, find),
+    };
+    let all = sections.iter().zip(&singles).map(of).collect();
+    (all, pieces.into_inner())
 }
 
 /// A size of 1e-200 m is a positive number, but its volume is not.

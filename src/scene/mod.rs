@@ -266,15 +266,16 @@ impl Scene {
         }
     }
 
-    /// The kinds of shape that particles have.
+    /// The kinds of shape that particles touch with: those of pieces in place of unions.
     pub fn particle_kinds(&self) -> Vec<Kind> {
-        let shapes = &self.library.shapes[..self.library.particle_shapes];
-        Kind::ALL.into_iter().filter(|&k| shapes.iter().any(|s| s.kind() == k)).collect()
+        let shapes = &self.library.shapes[self.library.grains()];
+        let touches = |&kind: &Kind| kind != Kind::Union && shapes.iter().any(|s| s.kind() == kind);
+        Kind::ALL.into_iter().filter(touches).collect()
     }
 
     /// The kinds of facet that walls have.
     pub fn facet_kinds(&self) -> Vec<Kind> {
-        let shapes = &self.library.shapes[self.library.particle_shapes..];
+        let shapes = &self.library.shapes[self.library.facets()];
         Kind::ALL.into_iter().filter(|&k| shapes.iter().any(|s| s.kind() == k)).collect()
     }
 
@@ -286,7 +287,9 @@ impl Scene {
     /// The same with another law.
     pub fn needs_with(&self, law: &dyn ForceLaw) -> Needs {
         let law = law.needs();
-        let orientation = self.particle_kinds().iter().any(|&kind| kind != Kind::Sphere);
+        let library = &self.library;
+        let orientation =
+            library.shapes[library.grains()].iter().any(|shape| shape.kind() != Kind::Sphere);
         Needs {
             spin: law.spin || orientation || self.walls.iter().any(Wall::turns),
             orientation,

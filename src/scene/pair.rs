@@ -147,6 +147,7 @@ fn across_gap(sim: &mut Simulation) -> Option<Acting> {
         points: &[],
         patches: &[],
         curvatures: &[],
+        shares: &[],
         from: &[Previous::NONE],
         last: Last { pairs: &[], geometry: &[], state: &[] },
         separated: &[],

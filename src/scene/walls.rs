@@ -4,6 +4,7 @@ mod servos;
 
 pub(super) use servos::{highest_stress, stress_of_force};
 
+use super::geometry::turn;
 use super::matter::{Materials, Names};
 use super::mistakes::suggestion;
 use super::motions::{Motions, axis_of_turn, repeats};
@@ -12,7 +13,7 @@ use crate::cell::{AXES, Cell, SIDES};
 use crate::contact::Method;
 use crate::drive::free::FreeWall;
 use crate::ids::MaterialId;
-use crate::math::{Quat, Vec3, printed_limit, rotation_about};
+use crate::math::{Quat, Vec3, printed_limit};
 use crate::population::Library;
 use crate::shape::triangle_mesh::TriangleMesh;
 use crate::shape::{HalfSpace, Kind, LENGTHS, Shape, mesh};
@@ -661,12 +662,7 @@ const SMOOTH: f64 = 10.0;
 
 fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangles> {
     let scale = section.number_or("scale", 1.0);
-    let turn = section.read_or("turn", Quat::identity(), |given| {
-        let section = given.section()?;
-        let axis = section.require("axis").and_then(|given| given.direction());
-        let angle = section.number("angle");
-        Some(rotation_about(&axis?, angle?.to_radians()))
-    });
+    let turn = section.read_or("turn", Quat::identity(), |given| turn(&given));
     let shift = section.vector_or("shift", Vec3::zeros());
     let weld = section.number_or("weld", 0.0);
     let smooth = section.number_or("smooth", SMOOTH);

@@ -21,7 +21,7 @@ struct FirstOwned<'a>(&'a Simulation);
 
 impl FirstOwned<'_> {
     fn is_one(&self, pair: Pair) -> bool {
-        pair.a.index() < self.0.particles.owned
+        self.0.particles.is_owned(pair.a)
     }
 
     fn how_many(&self) -> usize {
@@ -36,27 +36,41 @@ impl Rows<ContactRow> for FirstOwned<'_> {
 
     fn each(&self, take: &mut dyn FnMut(&ContactRow)) {
         let Simulation { particles, contacts, law, .. } = self.0;
-        let bodies = particles.bodies();
-        for contact in contacts.loaded(&**law, particles) {
-            let Loaded { pair, geometry, normal_force, force, point, state: _ } = contact;
-            if !self.is_one(pair) {
-                continue;
-            }
-            let Pair { a, b } = pair;
-            let with_wall = b.index() >= particles.first_facet();
-            let centre = particles.position[a.index()];
-            take(&ContactRow {
-                a: particles.id[a.index()],
-                b: particles.id[b.index()],
-                centre,
-                branch: if with_wall { point } else { bodies.relative(pair) },
-                point: centre + point,
-                normal: geometry.normal,
-                overlap: geometry.overlap,
-                normal_force,
-                shear_force: force - geometry.normal * normal_force,
-            });
-        }
+        let own = contacts.loaded(&**law, particles).filter(|contact| self.is_one(contact.pair));
+        own.for_each(|contact| take(&row_of(&contact, particles)));
+    }
+}
+
+/// A contact between bodies: of pieces of unions that of their bodies, from that with the lower id.
+fn row_of(contact: &Loaded, particles: &Particles) -> ContactRow {
+    let Loaded { pair: Pair { a, b }, geometry, normal_force, force, point, state: _ } = *contact;
+    let whole = Pair { a: particles.body_of(a), b: particles.body_of(b) };
+    let [of_a, of_b] = [whole.a, whole.b].map(|slot| particles.id[slot.index()]);
+    let centre = particles.position[whole.a.index()];
+    let point = point + (particles.position[a.index()] - centre);
+    let with_wall = b.index() >= particles.first_facet();
+    let row = ContactRow {
+        a: of_a,
+        b: of_b,
+        centre,
+        branch: if with_wall { point } else { particles.bodies().relative(whole) },
+        point: centre + point,
+        normal: geometry.normal,
+        overlap: geometry.overlap,
+        normal_force,
+        shear_force: force - geometry.normal * normal_force,
+    };
+    if of_a < of_b {
+        return row;
+    }
+    ContactRow {
+        a: of_b,
+        b: of_a,
+        centre: particles.position[whole.b.index()],
+        branch: -row.branch,
+        normal: -row.normal,
+        shear_force: -row.shear_force,
+        ..row
     }
 }
 
@@ -178,7 +192,7 @@ impl Simulation {
             position: particles.position[owned.clone()].to_vec(),
             velocity: particles.velocity[owned.clone()].to_vec(),
             force: particles.force.iter().map(|row| row.vector).collect(),
-            coordination: self.contacts.coordination(particles.owned),
+            coordination: self.contacts.coordination(particles),
             rank: vec![rank.0 as i32; particles.owned],
             accumulated: particles.accumulated.clone(),
             standing: particles.standing[owned.clone()].to_vec(),
@@ -275,6 +289,7 @@ fn records_to_owners(
     for named in records.iter() {
         for id in [named.a, named.b] {
             if id.wall_index().is_none() {
+                let id = id.body();
                 let (ids, rows) = asked.entry(home(id)).or_insert_with(none);
                 ids.push(id);
                 rows.push(&named);

@@ -87,8 +87,8 @@ impl Simulation {
         }
         // At the start of a stage nobody has counted yet what contacts store.
         for (pair, contact) in contacts.named(particles).filter(|_| dt > 0.0) {
-            let is_here = pair.a.index() < particles.owned;
-            if is_here && (taken.contains(&contact.a) || taken.contains(&contact.b)) {
+            let is_here = particles.is_owned(pair.a);
+            if is_here && [contact.a, contact.b].iter().any(|id| taken.contains(&id.body())) {
                 let stored = law.stored(pair, particles, &contact.geometry, contact.state);
                 entries.push((contact.a, contact.b, -stored, 0.0, [0.0; Quantity::CHANNELS.len()]));
             }

@@ -280,6 +280,7 @@ impl Simulation {
         comm.start_vote(self.list_is_stale() || self.watch.has_fault() || self.has_leaver());
         self.clock.lap(Phase::Agree);
         self.domain.finish_halo(&mut self.particles, comm);
+        self.particles.place_pieces();
         self.clock.lap(Phase::Exchange);
         let stale = comm.finish_vote();
         self.clock.lap(Phase::Agree);
@@ -371,6 +372,8 @@ impl Simulation {
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
         self.domain.start_halo(&self.particles, comm);
         self.domain.finish_halo(&mut self.particles, comm);
+        self.particles.place_pieces();
+        let found = search::with_pieces(&self.particles, found, listed);
         let places = self.particles.places();
         self.pairs.rebuild(&mut self.particles, found, &places);
         self.contacts.rebuild(&self.pairs, &self.particles, &places, carried);
@@ -490,7 +493,7 @@ impl Simulation {
 
     /// The work of each owned particle: itself and its pairs.
     fn work(&self) -> Vec<i64> {
-        self.pairs.listed_for_each(self.particles.owned).iter().map(|listed| 1 + listed).collect()
+        self.pairs.listed_for_each(&self.particles).iter().map(|listed| 1 + listed).collect()
     }
 
     /// The work of the busiest rank over the mean of all; 1 without particles. Collective.
@@ -628,7 +631,8 @@ impl Simulation {
             let slides = particles.sliding_of_image(pair);
             if slides != Vec3::zeros() {
                 let share = -0.5 * time * force.dot(&slides);
-                given.extend([pair.a, pair.b].map(|slot| (slot.index(), share)));
+                let bodies = [pair.a, pair.b].map(|slot| particles.body_of(slot).index());
+                given.extend(bodies.map(|slot| (slot, share)));
             }
         }
         // Each body meets its partners in the order of space.
@@ -648,8 +652,9 @@ impl Simulation {
             let stored = self.law.stored(pair, particles, geometry, state);
             let share = if b.index() >= particles.first_facet() { stored } else { 0.5 * stored };
             for (me, partner) in [(a, b), (b, a)] {
-                if me.index() < particles.owned {
-                    brought.push((me.index(), particles.id[partner.index()], share));
+                if particles.is_owned(me) {
+                    let me = particles.body_of(me).index();
+                    brought.push((me, particles.id[partner.index()], share));
                 }
             }
         }

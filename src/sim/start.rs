@@ -75,7 +75,8 @@ fn cut_by_triangles(sim: &Simulation, found: &mut Vec<TooDeep>) {
         for slot in 0..particles.owned {
             let a = Slot(slot as u32);
             let kind = bodies.shape_of(a).kind();
-            if kind == Kind::Sphere || kind.extended()[0] > 0 {
+            // A support function does not know the dents of a union.
+            if matches!(kind, Kind::Sphere | Kind::Union) || kind.extended()[0] > 0 {
                 continue;
             }
             let turned = bodies.frame(a);

@@ -132,7 +132,7 @@ fn limit_of_all_contacts(sim: &Simulation, comm: &mut dyn Comm) -> (f64, f64) {
 /// The largest overlap over the shortest axis of the smaller body [-]. Collective.
 fn largest_overlap(sim: &Simulation, comm: &mut dyn Comm) -> f64 {
     let Simulation { particles, contacts, .. } = sim;
-    let own = contacts.iter().filter(|(pair, _)| pair.a.index() < particles.owned);
+    let own = contacts.iter().filter(|(pair, _)| particles.is_owned(pair.a));
     let parts =
         own.map(|(pair, contact)| contact.overlap / shortest_axis(particles, pair.a, pair.b));
     let mut largest = [parts.fold(0.0, larger_number)];

@@ -173,7 +173,7 @@ impl Watch {
     /// The fault.
     pub fn check(&self, particles: &Particles, contacts: &Contacts) -> Result<(), Fault> {
         self.fault.clone().map_or(Ok(()), Err)?;
-        let mut own = contacts.iter().filter(|(pair, _)| pair.a.index() < particles.owned);
+        let mut own = contacts.iter().filter(|(pair, _)| particles.is_owned(pair.a));
         own.try_for_each(|(pair, geometry)| check_depth(particles, pair, geometry.overlap))
     }
 

@@ -57,6 +57,7 @@ impl Touching {
             points: &self.points,
             patches: &self.patches,
             curvatures: &[],
+            shares: &[],
             from: &self.from,
             last: Last { pairs: &self.pairs, geometry: &self.geometry, state: &self.state },
             separated: &[],

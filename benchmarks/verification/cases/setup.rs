@@ -286,7 +286,7 @@ pub(crate) fn body(sim: &Simulation, slot: usize, rank: u32) -> Body {
         orientation: orientation.unwrap_or_default(),
         spin: particles.angular_velocity_for(slot, &angular_momentum),
         angular_momentum,
-        contacts: sim.contacts.coordination(particles.owned)[slot] as usize,
+        contacts: sim.contacts.coordination(particles)[slot] as usize,
         mass: particles.mass(slot),
         rank,
     }
@@ -295,7 +295,7 @@ pub(crate) fn body(sim: &Simulation, slot: usize, rank: u32) -> Body {
 /// What is seen of the bodies from the side.
 pub(crate) fn seen(sim: &Simulation) -> Picture {
     let particles = &sim.particles;
-    let contacts = sim.contacts.coordination(particles.owned);
+    let contacts = sim.contacts.coordination(particles);
     let mut picture = Picture::default();
     for (slot, &touching) in contacts.iter().enumerate().take(particles.owned) {
         let turn = particles.orientation.as_ref().map(|o| o.quaternion[slot]).unwrap_or_default();

@@ -219,7 +219,7 @@ mod tests {
         for (id, place) in (0..).zip(places) {
             particles.push_owned(&Particle::at_rest(GlobalId(id), ShapeId(0), *place));
         }
-        particles.append_walls();
+        particles.append_pieces_and_walls();
         rain(1).is_blocked(&particles)
     }
 

@@ -18,7 +18,7 @@ impl Particles {
 
     /// The slot of the first facet of a wall.
     pub const fn first_facet(&self) -> usize {
-        self.owned + self.ghosts
+        self.first_piece() + self.pieces()
     }
 
     /// The index of the wall that a facet in this slot belongs to; `None` for a particle.
@@ -28,8 +28,9 @@ impl Particles {
         self.facets.wall.get(facet).map(|&wall| wall as usize)
     }
 
-    /// Appends the slots of the facets of walls after owned particles and ghosts.
-    pub fn append_walls(&mut self) {
+    /// Appends the slots of pieces and of the facets of walls after owned particles and ghosts.
+    pub fn append_pieces_and_walls(&mut self) {
+        self.append_pieces();
         self.id.extend(walls::ids(&self.walls));
         for (k, wall) in self.walls.iter().enumerate() {
             for facet in &wall.facets {

@@ -1,6 +1,6 @@
 //! Columns of everything that a rank owns or sees.
 //!
-//! Slots run owned | ghosts | facets of walls; all facets of a wall have its pose. A column that the scene does not need does not
+//! Slots run owned | ghosts | pieces of unions | facets of walls; pieces and facets have the poses that their bodies give them. A column that the scene does not need does not
 //! exist: spheres without friction do not turn, a scene of spheres only has no orientation.
 
 pub mod columns;
@@ -8,6 +8,7 @@ pub mod columns;
 pub mod crowd;
 mod facets;
 pub mod order;
+pub mod pieces;
 pub mod records;
 
 use crate::cell::Cell;
@@ -19,6 +20,7 @@ use crate::shape::{Form, Shape};
 use crate::walls::{FacetColumns, Wall};
 use columns::Accumulated;
 pub use columns::Needs;
+use pieces::PieceColumns;
 use records::Particle;
 
 /// Rotation columns, where the scene needs them.
@@ -36,9 +38,9 @@ pub struct Spin {
 /// Orientation columns, where the scene needs them.
 #[derive(Clone, Debug, Default)]
 pub struct Orientation {
-    /// Body to world. Length: owned + ghosts.
+    /// Body to world. Length: owned + ghosts + pieces.
     pub quaternion: Vec<Quat>,
-    /// Matrices of ellipsoids in place, if a method needs them. Length: owned + ghosts, or none.
+    /// Matrices of ellipsoids in place, if a method needs them. Length: as many, or none.
     pub form: Vec<Form>,
 }
 
@@ -81,7 +83,7 @@ pub struct Particles {
     pub needs: Needs,
     /// What particles of a shape have in common.
     pub library: Library,
-    /// Slots `0..owned` are owned, `owned..owned + ghosts` ghosts, then come the walls.
+    /// Slots `0..owned` are owned, `owned..owned + ghosts` ghosts, then come pieces and walls.
     pub owned: usize,
     /// How many ghosts.
     pub ghosts: usize,
@@ -120,6 +122,8 @@ pub struct Particles {
     pub walls: Vec<Wall>,
     /// Of their facets.
     pub facets: FacetColumns,
+    /// Of pieces of unions.
+    pub pieces: PieceColumns,
     /// The facets of meshes that have slots, those near the owned particles when the pairs were listed, in rising order.
     pub near_facets: Vec<GlobalId>,
 }
@@ -152,9 +156,10 @@ impl Particles {
             cell,
             walls,
             facets: FacetColumns::default(),
+            pieces: PieceColumns::default(),
             near_facets: Vec::new(),
         };
-        particles.append_walls();
+        particles.append_pieces_and_walls();
         particles
     }
 
@@ -271,6 +276,7 @@ impl Particles {
         let owned = self.owned;
         self.ghosts = 0;
         self.facets = FacetColumns::default();
+        self.pieces = PieceColumns::default();
         self.each_column(|column| column.truncate(owned));
         // Of a list of pairs that no longer holds.
         self.travel.clear();

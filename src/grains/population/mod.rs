@@ -8,12 +8,13 @@ pub mod sizes;
 
 use crate::ids::{MaterialId, ShapeId};
 use crate::math::Vec3;
-use crate::shape::Shape;
+use crate::shape::{Shape, Union};
 use serde::{Deserialize, Serialize};
 use sizes::Sizes;
+use std::ops::Range;
 
-/// Everything that particles of one shape have in common. Facets of walls stand here too, after the shapes of
-/// the particles, with the mass of their walls.
+/// Everything that particles of one shape have in common. Pieces of unions stand here too, after the shapes of the particles, with
+/// the mass of their bodies; and after these facets of walls, with the mass of their walls.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct Library {
     /// Geometry.
@@ -36,8 +37,10 @@ pub struct Library {
     pub scales: Vec<[f64; 2]>,
     /// How many particles of each shape there can be at most; infinite if nothing is known [-].
     pub most: Vec<f64>,
-    /// How many of them belong to particles; the rest are facets of walls.
+    /// How many of them belong to particles.
     pub particle_shapes: usize,
+    /// Of the next ones, which are pieces: the shape of the body, and the number of the piece in it. The rest are facets of walls.
+    pub pieces: Vec<(ShapeId, u16)>,
 }
 
 /// Mass over that of the shape, at a scale.
@@ -80,6 +83,48 @@ impl Library {
         ShapeId((self.shapes.len() - 1) as u16)
     }
 
+    /// Ends the shapes of particles: those after them are pieces of unions, which are added here, and facets of walls.
+    pub fn end_particle_shapes(&mut self) {
+        self.particle_shapes = self.shapes.len();
+        for of in 0..self.particle_shapes {
+            let Shape::Union(body) = &self.shapes[of] else { continue };
+            let pieces: Vec<Shape> = body.pieces().iter().map(|piece| piece.shape.clone()).collect();
+            for (number, shape) in pieces.into_iter().enumerate() {
+                let name = format!("{}, piece {}", self.names[of], number + 1);
+                let id = self.push(&name, shape, self.materials[of], 0.0);
+                self.mass[id.index()] = self.mass[of];
+                self.inertia[id.index()] = self.inertia[of];
+                self.pieces.push((ShapeId(of as u16), number as u16));
+            }
+        }
+    }
+
+    /// The shapes of particles and of pieces.
+    pub fn grains(&self) -> Range<usize> {
+        0..self.particle_shapes + self.pieces.len()
+    }
+
+    /// The facets of walls.
+    pub fn facets(&self) -> Range<usize> {
+        self.grains().end..self.shapes.len()
+    }
+
+    /// The body of a shape, and the shape of its first piece, if it is a union.
+    pub fn union(&self, shape: ShapeId) -> Option<(&Union, usize)> {
+        let Shape::Union(body) = &self.shapes[shape.index()] else { return None };
+        let first = self.pieces.iter().position(|piece| *piece == (shape, 0))?;
+        Some((body, self.particle_shapes + first))
+    }
+
+    /// The body of a piece, and its number in it, if it is one.
+    #[inline]
+    pub fn piece(&self, shape: ShapeId) -> Option<(&Union, usize)> {
+        let place = shape.index().checked_sub(self.particle_shapes)?;
+        let &(of, number) = self.pieces.get(place)?;
+        let Shape::Union(body) = &self.shapes[of.index()] else { return None };
+        Some((body, usize::from(number)))
+    }
+
     /// Lets new particles of a shape have sizes of this distribution.
     pub fn set_sizes(&mut self, shape: ShapeId, sizes: Sizes) {
         self.scales[shape.index()] = sizes.scales();
@@ -109,9 +154,17 @@ impl Library {
 
     /// How far a particle with faces can reach from a point of its surface [m]; 0 if none has any.
     pub fn longest_with_faces(&self) -> f64 {
+        let of = |shape: &Shape| {
+            if shape.kind().has_faces() { 2.0 * shape.bounding_radius() } else { 0.0 }
+        };
         let reach = |(shape, scale): (ShapeId, f64)| {
-            let has_faces = self.shapes[shape.index()].kind().has_faces();
-            if has_faces { 2.0 * self.radius[shape.index()] * scale } else { 0.0 }
+            scale
+                * match &self.shapes[shape.index()] {
+                    Shape::Union(body) => {
+                        body.pieces().iter().map(|piece| of(&piece.shape)).fold(0.0, f64::max)
+                    }
+                    shape => of(shape),
+                }
         };
         self.extremes().map(reach).fold(0.0, f64::max)
     }

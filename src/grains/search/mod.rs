@@ -8,8 +8,10 @@
 //! with walls, in the same order. So whoever goes through the list meets the partners of each body in that order.
 
 mod cells;
+mod pieces;
 
 pub use cells::{close_pairs, note_near_facets};
+pub use pieces::with_pieces;
 
 use crate::contact::{Pair, ordered};
 use crate::ids::Slot;
@@ -72,7 +74,7 @@ impl PairList {
         drop(found);
         self.until.clear();
         self.until.resize(self.pairs.len(), 0.0);
-        self.cut_into_stretches(particles, with_walls);
+        self.cut_into_stretches(particles, with_walls, places);
         self.pairs.shrink_to_fit();
         self.until.shrink_to_fit();
         self.order.shrink_to_fit();
@@ -118,7 +120,12 @@ impl PairList {
     }
 
     /// Of which those from `with_walls` on have walls.
-    fn cut_into_stretches(&mut self, particles: &Particles, with_walls: usize) {
+    fn cut_into_stretches(&mut self, particles: &Particles, with_walls: usize, places: &[u32]) {
+        let first_body = |Pair { a, b }: Pair| {
+            let is_first = places[a.index()] < places[b.index()];
+            particles.body_of(if is_first { a } else { b })
+        };
+        let has_pieces = particles.pieces() > 0;
         let kind =
             |slot: Slot| particles.library.shapes[particles.shape[slot.index()].index()].kind();
         let kinds_of = |pair: &Pair| ordered((kind(pair.a), kind(pair.b)));
@@ -133,10 +140,11 @@ impl PairList {
             let mut start = part.start;
             while start < part.end {
                 let mut end = part.end.min(start + length);
-                // What a particle has with walls stands in one stretch: facets of a wall share it.
-                while start >= with_walls
+                // What a particle has with walls stands in one stretch: facets of a wall share it. So does what a body of
+                // pieces has with others.
+                while (start >= with_walls || has_pieces)
                     && end < part.end
-                    && self.pairs[end].a == self.pairs[end - 1].a
+                    && first_body(self.pairs[end]) == first_body(self.pairs[end - 1])
                 {
                     end += 1;
                 }
@@ -199,11 +207,11 @@ impl PairList {
         }
     }
 
-    /// How many pairs were listed for each of the first `owned` particles; 0 if it came after the last listing.
-    pub fn listed_for_each(&self, owned: usize) -> Vec<i64> {
-        let mut listed = vec![0; owned];
+    /// How many pairs were listed for each owned particle; 0 if it came after the last listing.
+    pub fn listed_for_each(&self, particles: &Particles) -> Vec<i64> {
+        let mut listed = vec![0; particles.owned];
         for slot in self.pairs.iter().flat_map(|pair| [pair.a, pair.b]) {
-            if let Some(count) = listed.get_mut(slot.index()) {
+            if let Some(count) = listed.get_mut(particles.body_of(slot).index()) {
                 *count += 1;
             }
         }

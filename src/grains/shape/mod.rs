@@ -29,6 +29,7 @@ pub mod sphere;
 pub mod spherocylinder;
 pub mod superellipsoid;
 pub mod triangle_mesh;
+pub mod union;
 
 use crate::math::{Mat3, Vec3, directions};
 pub use ellipsoid::{Ellipsoid, Form};
@@ -48,6 +49,7 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 pub use superellipsoid::{CurvedSupport, Superellipsoid};
 pub use triangle_mesh::TriangleMesh;
+pub use union::Union;
 
 /// Lengths whose powers, as in moments and curvatures, are numbers [m].
 pub const LENGTHS: RangeInclusive<f64> = 1e-40..=1e30;
@@ -280,6 +282,8 @@ shapes! {
     Polyhedron(Box<Polyhedron>), "polyhedron", &[Fact::Faces];
     /// A convex polyhedron with a sphere rolled around it.
     RoundedPolyhedron(Box<RoundedPolyhedron>), "rounded-polyhedron", &[Fact::Margin, Fact::Faces];
+    /// Any body of convex pieces, which stand for it in contacts.
+    Union(Box<Union>), "union", &[];
     /// Any convex body, of a program that uses this crate. Scene files and messages between ranks have none.
     Other(#[serde(with = "not_sent")] Arc<dyn Convex>), "other", &[];
     /// The solid side of a plane: a wall.

@@ -8,6 +8,7 @@
 //! follow from integrals of `u` and `u uᵀ` over a spherical polygon, which Stokes's theorem turns into sums
 //! over its sides (Arvo 1995, "Applications of irradiance tensors", DOI 10.1145/218380.218467).
 
+use super::clip::Clipped;
 use super::hull::Hull;
 use crate::math::{Mat3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -40,26 +41,54 @@ pub struct Principal {
 /// Integrals over a body: of `1`, `x` and `x xᵀ`.
 #[derive(Clone, Copy, Debug)]
 pub struct Moments {
-    volume: f64,
-    first: Vec3,
-    second: Mat3,
+    pub(super) volume: f64,
+    pub(super) first: Vec3,
+    pub(super) second: Mat3,
     /// Where `x` is measured from, near the body: far away all digits would cancel.
-    origin: Vec3,
+    pub(super) origin: Vec3,
 }
 
 impl Moments {
+    /// Of nothing.
+    pub(super) fn none(origin: Vec3) -> Self {
+        Self { volume: 0.0, first: Vec3::zeros(), second: Mat3::zeros(), origin }
+    }
+
+    /// Adds those of another body about the same origin, or takes them away.
+    pub(super) fn add(&mut self, other: &Self, sign: f64) {
+        self.volume += other.volume * sign;
+        self.first += other.first * sign;
+        self.second += other.second * sign;
+    }
+
+    /// Of a cut polyhedron whose vertices are seen from the origin.
+    pub(super) fn of_cut(body: &Clipped, origin: &Vec3) -> Self {
+        let mut sum = Self::none(*origin);
+        for face in body.faces() {
+            let corner = |k: usize| body.vertices()[face.corners[k] as usize];
+            for k in 2..face.corners.len() {
+                sum.add_tetrahedron(&[corner(0), corner(k - 1), corner(k)]);
+            }
+        }
+        sum
+    }
+
+    /// The tetrahedron from the origin to a triangle.
+    fn add_tetrahedron(&mut self, corners: &[Vec3; 3]) {
+        let [a, b, c] = corners;
+        let volume = a.dot(&b.cross(c)) / 6.0;
+        self.volume += volume;
+        self.first += (a + b + c) * (volume / 4.0);
+        self.second += squares(corners) * (volume / 20.0);
+    }
+
     /// Of a polyhedron.
     pub fn of(hull: &Hull) -> Self {
         let vertices = hull.vertices();
         let origin = vertices.iter().sum::<Vec3>() / vertices.len() as f64;
-        let mut sum = Self { volume: 0.0, first: Vec3::zeros(), second: Mat3::zeros(), origin };
+        let mut sum = Self::none(origin);
         for triangle in hull.triangles() {
-            let [a, b, c] = triangle.corners.map(|k| vertices[k as usize] - origin);
-            // The tetrahedron from the origin to the triangle.
-            let volume = a.dot(&b.cross(&c)) / 6.0;
-            sum.volume += volume;
-            sum.first += (a + b + c) * (volume / 4.0);
-            sum.second += squares(&[a, b, c]) * (volume / 20.0);
+            sum.add_tetrahedron(&triangle.corners.map(|k| vertices[k as usize] - origin));
         }
         sum
     }

@@ -177,7 +177,7 @@ impl Hertz {
         let damped = settings.interactions.iter().any(|c| c.damping_ratio > 0.0);
         let frictional = settings.interactions.iter().any(|c| c.friction > 0.0);
         let is_sphere = |shape: &Shape| shape.kind() == Kind::Sphere;
-        let shapes = &library.shapes[..library.particle_shapes];
+        let shapes = &library.shapes[library.grains()];
         let is_smooth = shapes.iter().all(|shape| shape.kind().is_smooth());
         let curved = is_smooth && !shapes.iter().all(is_sphere);
         let bounded = shapes.iter().any(|shape| !shape.kind().is_ellipsoidal());

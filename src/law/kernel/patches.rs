@@ -558,7 +558,10 @@ impl<M: Model> Contacts<'_, '_, M> {
             if self.work.from.is_empty() { place } else { self.work.from[place].index() };
         let last = self.work.last.geometry.get(place_before).copied().unwrap_or_default();
         let Geometry { normal, overlap } = self.work.geometry[place];
-        let constants = law.constants(pair, particles);
+        let constants = match self.work.shares.get(place) {
+            Some(&share) => law.of_shares(pair, particles, share).of_law,
+            None => law.constants(pair, particles),
+        };
         let motion = self.motion(pair, [&normal, &last.normal]);
 
         let (mut room, mut wide) = ([0.0; MOST_STATE], [0.0; MOST_STATE_OF_MOMENTS]);
@@ -650,7 +653,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             twist: 0.5 * dt * spin.dot(&normal),
             turning: triple(&motion.turning()),
             touched: u8::from(last.touched()),
-            extended: true,
+            extended: law.is_extended(self.work.pairs[place], self.particles),
             torsion: 0.0,
             dt,
             lasted: dt,

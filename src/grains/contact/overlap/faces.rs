@@ -86,31 +86,40 @@ thread_local! {
 /// Everything is computed in the axes and with the unit of length of A. The two orders of a pair agree but for
 /// rounding, and where faces coincide, not even so: callers pass the body with the lower id first.
 pub(super) fn of_faces(a: &Posed, b: &Posed, r: &Vec3) -> Option<Thickness> {
-    let body = a.shape.facets()?;
     SCRATCH.with_borrow_mut(|scratch| {
-        let per_metre = 1.0 / a.scale;
-        let r = a.frame.tr_mul(r) * per_metre;
-        let turn = a.frame.tr_mul(b.frame);
-        let mut size = body.bounding_radius();
-        if let Shape::HalfSpace(plane) = b.shape {
-            scratch.against_plane(
-                body,
-                plane.normal,
-                plane.offset * (b.scale * per_metre),
-                &r,
-                &turn,
-            )?;
-        } else {
-            let (other, scale) = (b.shape.facets()?, b.scale * per_metre);
-            size = size_of_both(size, other.bounding_radius() * scale);
-            scratch.against_body(body, other, scale, &r, &turn)?;
-        }
+        let size = scratch.share(a, b, r)?;
         let found = scratch.measure(size)?;
         Some(found.placed(a.scale, a.frame))
     })
 }
 
+/// What two such bodies share, in the axes and with the unit of length of A.
+pub(super) fn shared(a: &Posed, b: &Posed, r: &Vec3) -> Option<Clipped> {
+    SCRATCH.with_borrow_mut(|scratch| {
+        scratch.share(a, b, r)?;
+        scratch.shared.end();
+        Some(scratch.shared.clone())
+    })
+}
+
 impl Scratch {
+    /// Finds what two bodies share; returns the size of both, in the unit of length of A.
+    fn share(&mut self, a: &Posed, b: &Posed, r: &Vec3) -> Option<f64> {
+        let body = a.shape.facets()?;
+        let per_metre = 1.0 / a.scale;
+        let r = a.frame.tr_mul(r) * per_metre;
+        let turn = a.frame.tr_mul(b.frame);
+        let size = body.bounding_radius();
+        if let Shape::HalfSpace(plane) = b.shape {
+            let offset = plane.offset * (b.scale * per_metre);
+            self.against_plane(body, plane.normal, offset, &r, &turn)?;
+            return Some(size);
+        }
+        let (other, scale) = (b.shape.facets()?, b.scale * per_metre);
+        self.against_body(body, other, scale, &r, &turn)?;
+        Some(size_of_both(size, other.bounding_radius() * scale))
+    }
+
     /// Cuts a body by a half-space that holds what is below its plane.
     fn against_plane(
         &mut self,

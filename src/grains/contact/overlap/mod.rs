@@ -12,12 +12,15 @@ mod sides;
 mod sides_on_surface;
 mod surface;
 mod thickness;
+mod together;
+mod unions;
 
 use faces::of_faces;
 use sides::of_sides;
 pub use surface::{OverlapWithSurface, thickness_on_surface};
 pub use thickness::Thickness;
 use thickness::size_of_both;
+pub use unions::{PairOfPieces, thickness_of_pieces};
 
 use super::gjk::{Difference, Separation, separate};
 use super::{
@@ -89,6 +92,11 @@ impl ContactResolver for Overlap {
             }
         }
     }
+}
+
+/// What a law and a resolver's caller know of a contact.
+pub fn contact_of(found: &Thickness) -> (Touch, Patch) {
+    (touch(found), patch(found))
 }
 
 fn touch(found: &Thickness) -> Touch {

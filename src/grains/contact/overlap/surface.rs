@@ -1,36 +1,20 @@
 //! A body with faces and a surface of triangles: the thickness of what it shares with the cells behind them
 //! ([`crate::shape::triangle_mesh`]).
 //!
-//! # Definition
-//!
-//! Let `V_j` be the volume that the body shares with cell `j`, and `ω_ij` how far the cells `i` and `j` are one surface. With the moments of
-//! all that is one with cell `i`,
-//!
-//! `W_i = Σ_j ω_ij V_j`, and centroid `c_i` and covariance `C_i` under the weights `ω_ij`, `s_i = 1 / tr(C_i⁻¹)`,
-//!
-//! the elastic energy of a contact of stiffness `k` is `U = 6 k Σ_i (V_i / W_i) s_i = k D² / 2`.
-//!
-//! - Where all is one (`ω = 1`), as in a plane however it is cut into triangles, `U = 6 k s`: the energy of two bodies ([`super::faces`]).
-//! - Where cells are apart (`ω = 0`), as in a concave corner, each has its own energy.
-//!
-//! # Gradient
-//!
-//! Cells do not move, so that only the facets of the body do. As of two bodies, `dU = Σ_j ∫ q_j v·n dA` over the facets within cell
-//! `j`, with `K_i = s_i C_i⁻¹` and
-//!
-//! `q_j(x) = 6 k [ s_j / W_j + Σ_i ω_ij (V_i / W_i²) (|K_i (x - c_i)|² - 2 s_i) ]`.
+//! The moving body is that with faces: the cells lie still. What is one with a cell is what a surface says of its triangles ([`super::together`]).
 //!
 //! # Contacts
 //!
 //! Faces that are one to any part, directly or by way of others, make one contact, which belongs to the pair of the lowest of them. Edges and corners have none.
 
-use super::faces::{FAR, axes_along, fan, thinness};
+use super::faces::fan;
 use super::seen::{Seen, Shared};
 use super::sides::Side;
 use super::sides_on_surface::{Room, clear_of};
-use super::thickness::{THIN, Thickness};
+use super::thickness::Thickness;
+use super::together::{Lump, thickness_of};
 use super::{Batch, ContactResolver, Definition, Found, Outcome, Posed, Why, patch, touch};
-use crate::math::{Mat3, Vec3};
+use crate::math::Vec3;
 use crate::shape::Shape;
 use crate::shape::clip::Clipped;
 use crate::shape::facets::Plane;
@@ -72,30 +56,6 @@ struct Member {
     cells: Range<usize>,
     /// The lowest with which it is one to any part.
     group: usize,
-    moments: Moments,
-}
-
-/// Of one cell or of several, about the origin of their contact.
-#[derive(Clone, Copy)]
-struct Moments {
-    volume: f64,
-    first: Vec3,
-    second: Mat3,
-}
-
-/// `s`, `K` and `c` of what is one with a cell.
-struct OfOne {
-    weight: f64,
-    s: f64,
-    k: Mat3,
-    centroid: Vec3,
-}
-
-/// A quadratic function of a point: `xᵀ A x - 2 b·x + e`.
-struct Pressure {
-    a: Mat3,
-    b: Vec3,
-    e: f64,
 }
 
 thread_local! {
@@ -274,7 +234,7 @@ impl Scratch {
         }
         members.clear();
         for (flat, is_split) in flats.into_iter().zip(is_split) {
-            let own = |cells| Member { cells, group: 0, moments: Moments::none() };
+            let own = |cells| Member { cells, group: 0 };
             if is_split {
                 members.extend(flat.map(|k| own(k..k + 1)));
             } else {
@@ -300,10 +260,9 @@ impl Scratch {
     }
 
     /// Thickness of what is shared with the cells of a group, and its gradient.
-    fn measure(&mut self, group: usize, seen: &Seen) -> Option<Shared> {
+    fn measure(&self, group: usize, seen: &Seen) -> Option<Shared> {
         let Self { cells, members, weights, .. } = self;
         let count = members.len();
-        let weight = |i: usize, j: usize| weights[i * count + j];
         let of_group: Vec<usize> = (group..count).filter(|&k| members[k].group == group).collect();
         let cells_of = |k: usize| &cells[members[k].cells.clone()];
         let area: Vec3 = of_group.iter().flat_map(|&k| cells_of(k)).map(|cell| cell.area).sum();
@@ -314,83 +273,17 @@ impl Scratch {
         } else {
             area.normalize()
         };
-        let axes = axes_along(&upright);
-        let origin = first.shared.vertices()[*first.shared.left().first()? as usize];
-
-        let mut all = Moments::none();
-        for &k in &of_group {
-            let mut moments = Moments::none();
-            for cell in &cells[members[k].cells.clone()] {
-                moments.add(&Moments::of(&cell.shared, &axes, &origin), 1.0);
-            }
-            all.add(&moments, 1.0);
-            members[k].moments = moments;
-        }
-        let of_group: Vec<usize> =
-            of_group.into_iter().filter(|&k| members[k].moments.volume > 0.0).collect();
-        let (middle, covariance) = all.centroid_and_covariance()?;
-
-        let of_one = |&i: &usize| {
-            let mut sum = Moments::none();
-            for &j in &of_group {
-                sum.add(&members[j].moments, weight(i, j));
-            }
-            OfOne::of(&sum)
-        };
-        let of_one: Vec<OfOne> = of_group.iter().map(of_one).collect();
-        let mut square = 0.0;
-        for (&i, one) in of_group.iter().zip(&of_one) {
-            square += 12.0 * (members[i].moments.volume / one.weight) * one.s;
-        }
-        let thickness = square.sqrt();
-        let is_thick = thickness > THIN * seen.a.shape.bounding_radius();
-        if !is_thick {
-            return None;
-        }
-
-        let (mut force, mut moment, mut reach) = (Vec3::zeros(), Vec3::zeros(), 0.0_f64);
-        for (&j, own) in of_group.iter().zip(&of_one) {
-            let mut pressure =
-                Pressure { a: Mat3::zeros(), b: Vec3::zeros(), e: own.s / own.weight };
-            for (&i, one) in of_group.iter().zip(&of_one) {
-                let part = weight(i, j) * members[i].moments.volume / (one.weight * one.weight);
-                pressure.add(one, part, &middle);
-            }
-            for Cell { shared, .. } in &cells[members[j].cells.clone()] {
-                let place = |k: usize| axes.tr_mul(&(shared.vertices()[k] - origin)) - middle;
-                for face in shared.faces().filter(|face| !face.is_cut) {
-                    for corners in fan(face.corners) {
-                        let corners = corners.map(place);
-                        reach = corners.iter().map(Vec3::norm).fold(reach, f64::max);
-                        let (f, m) = pressure.on(&corners);
-                        force += f;
-                        moment += m;
-                    }
-                }
-            }
-        }
-        let (force, moment) = (force * 6.0, moment * 6.0);
-        let length = force.norm();
-        let normal = if length > 0.0 { force / length } else { Vec3::z() };
-        // The axis of a force that hardly is one lies far away.
-        let lever =
-            if length > 0.0 { force.cross(&moment) / (length * length) } else { Vec3::zeros() };
-        let far = lever.norm() / (FAR * reach);
-        let lever = if far > 1.0 { lever / far } else { lever };
-        let rest = moment - lever.cross(&force);
-        let found = Thickness {
-            thickness,
-            normal,
-            gain: length / thickness,
-            point: middle + lever,
-            couple: if far > 1.0 { rest } else { normal * rest.dot(&normal) },
-            centroid: middle,
-            covariance,
-        };
-        let in_body = found.placed(1.0, &axes).with_origin(&origin);
-        let touched = of_group.iter().flat_map(|&k| &cells[members[k].cells.clone()]);
+        let lumps: Vec<Vec<Lump>> = of_group
+            .iter()
+            .map(|&k| cells_of(k).iter().map(|cell| Lump::of(&cell.shared)).collect())
+            .collect();
+        let weight = |i: usize, j: usize| weights[of_group[i] * count + of_group[j]];
+        let size = seen.a.shape.bounding_radius();
+        let (found, with_volume) = thickness_of(&lumps, weight, &upright, size)?;
+        let touched = of_group.iter().zip(with_volume).filter(|(_, has_volume)| *has_volume);
+        let touched = touched.flat_map(|(&k, _)| cells_of(k));
         let facet = touched.map(|cell| seen.mesh.face_of(cell.triangle)).min()?;
-        Some(Shared { facet, thickness: in_body.placed(seen.a.scale, seen.a.frame) })
+        Some(Shared { facet, thickness: found.placed(seen.a.scale, seen.a.frame) })
     }
 }
 
@@ -406,95 +299,3 @@ fn area_in(shared: &Clipped, plane: &Plane) -> Vec3 {
     area
 }
 
-impl Moments {
-    fn none() -> Self {
-        Self { volume: 0.0, first: Vec3::zeros(), second: Mat3::zeros() }
-    }
-
-    /// Of a polyhedron, in axes that are columns, about an origin.
-    fn of(shared: &Clipped, axes: &Mat3, origin: &Vec3) -> Self {
-        let place = |k: usize| axes.tr_mul(&(shared.vertices()[k] - origin));
-        let (mut volume, mut first, mut second) = (0.0, Vec3::zeros(), Mat3::zeros());
-        // About one of its own vertices, so that thin ones keep their digits.
-        let Some(&apex) = shared.left().first() else { return Self::none() };
-        let base = place(apex as usize);
-        for face in shared.faces().filter(|face| !face.corners.contains(&apex)) {
-            for corners in fan(face.corners) {
-                let [a, b, c] = corners.map(|k| place(k) - base);
-                let sixfold = a.dot(&b.cross(&c));
-                let sum = a + b + c;
-                volume += sixfold;
-                first += sum * sixfold;
-                let squares = sum * sum.transpose()
-                    + a * a.transpose()
-                    + b * b.transpose()
-                    + c * c.transpose();
-                second += squares * sixfold;
-            }
-        }
-        if volume.is_nan() || volume <= 0.0 {
-            return Self::none();
-        }
-        let (volume, first, second) = (volume / 6.0, first / 24.0, second / 120.0);
-        Self {
-            volume,
-            first: first + base * volume,
-            second: second
-                + base * first.transpose()
-                + first * base.transpose()
-                + base * base.transpose() * volume,
-        }
-    }
-
-    fn add(&mut self, other: &Self, weight: f64) {
-        self.volume += weight * other.volume;
-        self.first += other.first * weight;
-        self.second += other.second * weight;
-    }
-
-    /// `None` if there is no volume.
-    fn centroid_and_covariance(&self) -> Option<(Vec3, Mat3)> {
-        if self.volume <= 0.0 {
-            return None;
-        }
-        let centroid = self.first / self.volume;
-        Some((centroid, self.second / self.volume - centroid * centroid.transpose()))
-    }
-}
-
-impl OfOne {
-    fn of(sum: &Moments) -> Self {
-        let thin = || {
-            let (centroid, covariance) = sum.centroid_and_covariance()?;
-            let (s, k) = thinness(&covariance)?;
-            Some((s, k, centroid))
-        };
-        let (s, k, centroid) = thin().unwrap_or_default();
-        Self { weight: sum.volume, s, k, centroid }
-    }
-}
-
-impl Pressure {
-    /// Adds `part (|K (x - c)|² - 2 s)`, with `x` about the middle.
-    fn add(&mut self, one: &OfOne, part: f64, middle: &Vec3) {
-        let squared = one.k * one.k * part;
-        let way = one.centroid - middle;
-        self.a += squared;
-        self.b += squared * way;
-        self.e += way.dot(&(squared * way)) - 2.0 * part * one.s;
-    }
-
-    /// `n ∫ q dA` and `∫ q x × n dA` of a triangle, by a rule that is exact for cubic functions.
-    fn on(&self, [p, q, r]: &[Vec3; 3]) -> (Vec3, Vec3) {
-        let area = (q - p).cross(&(r - p)) * 0.5;
-        let points = [*p, *q, *r, (p + q) * 0.5, (q + r) * 0.5, (r + p) * 0.5, (p + q + r) / 3.0];
-        let weights = [0.05, 0.05, 0.05, 2.0 / 15.0, 2.0 / 15.0, 2.0 / 15.0, 0.45];
-        let (mut total, mut at) = (0.0, Vec3::zeros());
-        for (x, weight) in points.iter().zip(weights) {
-            let q = weight * (x.dot(&(self.a * x)) - 2.0 * self.b.dot(x) + self.e);
-            total += q;
-            at += x * q;
-        }
-        (area * total, at.cross(&area))
-    }
-}

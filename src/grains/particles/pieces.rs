@@ -1,0 +1,115 @@
+//! Pieces of unions, which have slots between those of bodies and of facets.
+//!
+//! Search, resolvers and laws see pieces as they see bodies. A piece has the pose and the velocity that its body gives it, from one formula,
+//! so that all ranks have the same bits. Its shape in the library has the mass of the body. What acts on pieces is added to their bodies in
+//! the order of the pieces.
+
+use super::Particles;
+use crate::contact::Pair;
+use crate::ids::{ShapeId, Slot};
+use crate::math::{Quat, Vec3};
+use crate::shape::Union;
+
+/// Columns of pieces.
+#[derive(Clone, Debug, Default)]
+pub struct PieceColumns {
+    /// The slot of the body of each.
+    body: Vec<u32>,
+}
+
+impl Particles {
+    /// How many slots bodies of particles have: those of pieces follow.
+    pub const fn first_piece(&self) -> usize {
+        self.owned + self.ghosts
+    }
+
+    /// How many pieces there are.
+    pub const fn pieces(&self) -> usize {
+        self.pieces.body.len()
+    }
+
+    /// The slot of the body that a piece belongs to; of others their own.
+    #[inline]
+    pub fn body_of(&self, slot: Slot) -> Slot {
+        let piece = slot.index().checked_sub(self.first_piece());
+        piece.and_then(|piece| self.pieces.body.get(piece)).map_or(slot, |&body| Slot(body))
+    }
+
+    /// Is it an owned particle, or a piece of one?
+    #[inline]
+    pub fn is_owned(&self, slot: Slot) -> bool {
+        self.body_of(slot).index() < self.owned
+    }
+
+    /// Do both belong to one body?
+    #[inline]
+    pub fn have_same_bodies(&self, one: Pair, other: Pair) -> bool {
+        [(one.a, other.a), (one.b, other.b)]
+            .into_iter()
+            .all(|(one, other)| self.body_of(one) == self.body_of(other))
+    }
+
+    /// Appends the slots of pieces, once all owned particles and ghosts are there.
+    pub(super) fn append_pieces(&mut self) {
+        self.pieces.body.clear();
+        if self.library.pieces.is_empty() {
+            return;
+        }
+        for body in 0..self.first_piece() {
+            let Some((union, first)) = self.library.union(self.shape[body]) else { continue };
+            let count = union.pieces().len();
+            let id = self.id[body];
+            self.id.extend((0..count).map(|piece| id.piece(piece)));
+            self.shape.extend((first..first + count).map(|shape| ShapeId(shape as u16)));
+            self.standing.resize(self.id.len(), self.standing[body]);
+            if self.needs.scale {
+                self.scale.resize(self.id.len(), self.scale[body]);
+            }
+            self.pieces.body.resize(self.pieces.body.len() + count, body as u32);
+        }
+        self.lengthen();
+        let (slots, needs) = (self.slots(), self.needs);
+        if let Some(orientation) = &mut self.orientation {
+            orientation.resize(slots, needs);
+        }
+    }
+
+    /// Brings pieces to where their bodies are, with the velocities that these give them.
+    pub fn place_pieces(&mut self) {
+        let first = self.first_piece();
+        for piece in 0..self.pieces.body.len() {
+            let (slot, body) = (first + piece, self.pieces.body[piece] as usize);
+            let Some((union, number)) = self.library.piece(self.shape[slot]) else { continue };
+            let (arm, turn) = self.place_in(union, number, body);
+            self.position[slot] = self.position[body] + arm;
+            self.velocity[slot] = self.velocity[body];
+            if let Some(spin) = &mut self.spin {
+                let turning = spin.angular_velocity[body];
+                spin.angular_velocity[slot] = turning;
+                self.velocity[slot] += turning.cross(&arm);
+            }
+            if let Some(travel) = self.travel.get(body).copied() {
+                self.travel[slot] = travel;
+            }
+            let scale = self.scale_of(slot);
+            let Self { orientation, library, shape, .. } = self;
+            if let Some(orientation) = orientation {
+                orientation.set(slot, turn, &library.shapes[shape[slot].index()], scale);
+            }
+        }
+    }
+
+    /// From the centre of a body to that of one of its pieces [m], and how that is turned.
+    fn place_in(&self, union: &Union, number: usize, body: usize) -> (Vec3, Quat) {
+        let piece = &union.pieces()[number];
+        let turn = self.orientation.as_ref().map_or_else(Quat::identity, |all| all.quaternion[body]);
+        (turn * (piece.centre * self.scale_of(body)), turn * piece.rotation)
+    }
+
+    /// Each piece of an owned particle: its slot, that of the particle, and where its centre is from that of the particle [m].
+    pub fn owned_pieces(&self) -> impl Iterator<Item = (usize, usize, Vec3)> + '_ {
+        let of = self.pieces.body.iter().zip(self.first_piece()..);
+        of.filter(|&(&body, _)| (body as usize) < self.owned)
+            .map(|(&body, slot)| (slot, body as usize, self.position[slot] - self.position[body as usize]))
+    }
+}

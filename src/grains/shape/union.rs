@@ -1,0 +1,229 @@
+//! A body of convex pieces: any form, concave or of several lumps.
+//!
+//! Pieces may touch and overlap. Volume, centre and moments of inertia are those of the points that any piece holds ([`mass`]).
+//!
+//! A union has no contacts of its own. Its pieces do ([`crate::particles::pieces`]), and those that are one place of the body make one
+//! contact. How far two pieces are one is a number of the body ([`Union::oneness`]): 1 where all that lies between their points is in the
+//! body, as between two halves of a box; 0 across a dent.
+
+mod mass;
+
+use super::moments::Placement;
+use super::{Convex, Shape};
+use crate::math::{Quat, Vec3, bounds};
+use crate::random::Random;
+use serde::{Deserialize, Serialize};
+
+/// A convex part of a body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Piece {
+    /// Its geometry.
+    pub shape: Shape,
+    /// Its centre of mass [m].
+    pub centre: Vec3,
+    /// From its axes to those of the body.
+    pub rotation: Quat,
+}
+
+impl Piece {
+    /// Is a point in it?
+    fn contains(&self, point: &Vec3) -> bool {
+        self.shape.contains(&self.rotation.inverse_transform_vector(&(point - self.centre)))
+    }
+
+    fn support(&self, direction: &Vec3) -> Vec3 {
+        let own = self.rotation.inverse_transform_vector(direction);
+        self.centre + self.rotation * self.shape.support(&own)
+    }
+
+    /// A point of it, by chance.
+    fn point(&self, random: &mut Random) -> Vec3 {
+        let half = self.shape.half_lengths();
+        loop {
+            let point = half.map(|half| half * random.signed());
+            if self.shape.contains(&point) {
+                return self.centre + self.rotation * point;
+            }
+        }
+    }
+}
+
+/// No body can be made of these pieces.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum UnionError {
+    /// There is none.
+    #[error("a union has one piece or more")]
+    Empty,
+    /// More than have names.
+    #[error("a union has at most {most} pieces, not {count}", most = Union::MOST)]
+    TooMany {
+        /// How many.
+        count: usize,
+    },
+    /// One adds nothing.
+    #[error("piece {inner} lies within piece {outer}: leave it out")]
+    Within {
+        /// From 1.
+        inner: usize,
+        /// From 1.
+        outer: usize,
+    },
+}
+
+/// A body of convex pieces about its centre of mass, axes along its principal axes of inertia.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Stored", into = "Stored")]
+pub struct Union(Stored);
+
+/// As messages and files have it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Stored {
+    pieces: Vec<Piece>,
+    volume: f64,
+    gyration: Vec3,
+    bounding_radius: f64,
+    placement: Placement,
+    /// Of the volume, relative.
+    error: f64,
+    /// See [`Union::oneness`], row by row.
+    oneness: Vec<f64>,
+}
+
+impl From<Union> for Stored {
+    fn from(Union(stored): Union) -> Self {
+        stored
+    }
+}
+
+impl TryFrom<Stored> for Union {
+    type Error = String;
+
+    fn try_from(stored: Stored) -> Result<Self, String> {
+        let count = stored.pieces.len();
+        let is_sound = (1..=Self::MOST).contains(&count) && stored.oneness.len() == count * count;
+        is_sound.then_some(Self(stored)).ok_or_else(|| format!("no union of {count} pieces"))
+    }
+}
+
+/// Pieces are one to no part where the body holds less than this share of what lies between them.
+const APART: f64 = 0.9;
+/// So many points between two pieces are looked at.
+const LOOKS: usize = 1000;
+/// Points this near to a piece, over its size, are in it.
+const NEAR: f64 = 1e-9;
+
+impl Union {
+    /// How many pieces a body has at most.
+    pub const MOST: usize = 1 << 10;
+
+    /// Of pieces in any axes.
+    ///
+    /// # Errors
+    /// If there is no piece, or too many, or one within another.
+    pub fn new(mut pieces: Vec<Piece>) -> Result<Self, UnionError> {
+        match pieces.len() {
+            0 => return Err(UnionError::Empty),
+            count if count > Self::MOST => return Err(UnionError::TooMany { count }),
+            _ => {}
+        }
+        let (principal, error) = mass::of(&pieces)?;
+        let placement = principal.placement;
+        for piece in &mut pieces {
+            let seen = piece.centre - placement.centre;
+            piece.centre = placement.axes.inverse_transform_vector(&seen);
+            piece.rotation = placement.axes.inverse() * piece.rotation;
+        }
+        let reach = |piece: &Piece| match piece.shape.facets() {
+            Some(facets) if piece.shape.margin() <= 0.0 => {
+                let corners = facets.vertices().iter();
+                corners.map(|at| (piece.centre + piece.rotation * at).norm()).fold(0.0, f64::max)
+            }
+            _ => piece.centre.norm() + piece.shape.bounding_radius(),
+        };
+        let bounding_radius = pieces.iter().map(reach).fold(0.0, f64::max);
+        let oneness = oneness(&pieces);
+        let (volume, gyration) = (principal.volume, principal.gyration);
+        Ok(Self(Stored { pieces, volume, gyration, bounding_radius, placement, error, oneness }))
+    }
+
+    /// Its pieces, in its axes.
+    pub fn pieces(&self) -> &[Piece] {
+        &self.0.pieces
+    }
+
+    /// By how much the volume may be wrong, relative; 0 where it is exact but for rounding.
+    pub const fn error(&self) -> f64 {
+        self.0.error
+    }
+
+    /// How far two of its pieces are one place, from 0 to 1.
+    #[inline]
+    pub fn oneness(&self, one: usize, other: usize) -> f64 {
+        self.0.oneness[one * self.0.pieces.len() + other]
+    }
+}
+
+/// From the share that the body holds of the points on the ways between two pieces.
+fn oneness(pieces: &[Piece]) -> Vec<f64> {
+    let count = pieces.len();
+    let (low, high) = bounds(&pieces.iter().map(|piece| piece.centre).collect::<Vec<_>>());
+    let largest = pieces.iter().map(|piece| piece.shape.bounding_radius()).fold(0.0, f64::max);
+    let near = NEAR * ((high - low).norm() + largest);
+    let mut oneness = vec![1.0; count * count];
+    for one in 0..count {
+        for other in 0..one {
+            let mut random = Random::of(one as u64, other as u64);
+            let is_held = |_: &usize| {
+                let (a, b) = (pieces[one].point(&mut random), pieces[other].point(&mut random));
+                let at = a + (b - a) * random.unit();
+                pieces.iter().any(|piece| is_near(piece, &at, near))
+            };
+            let share = (0..LOOKS).filter(is_held).count() as f64 / LOOKS as f64;
+            let value = ((share - APART) / (1.0 - APART)).max(0.0);
+            oneness[one * count + other] = value;
+            oneness[other * count + one] = value;
+        }
+    }
+    oneness
+}
+
+/// Is a point in a piece, or hardly outside?
+fn is_near(piece: &Piece, point: &Vec3, near: f64) -> bool {
+    let inwards = piece.centre - point;
+    let distance = inwards.norm();
+    distance <= near || piece.contains(&(point + inwards * (near / distance)))
+}
+
+impl Convex for Union {
+    fn support(&self, direction: &Vec3) -> Vec3 {
+        let points = self.0.pieces.iter().map(|piece| piece.support(direction));
+        let farther = |a: Vec3, b: Vec3| if b.dot(direction) > a.dot(direction) { b } else { a };
+        points.reduce(farther).unwrap_or_default()
+    }
+
+    fn bounding_radius(&self) -> f64 {
+        self.0.bounding_radius
+    }
+
+    /// That of the thinnest piece.
+    fn inscribed_radius(&self) -> f64 {
+        let radii = self.0.pieces.iter().map(|piece| piece.shape.inscribed_radius());
+        radii.fold(f64::INFINITY, f64::min)
+    }
+
+    fn volume(&self) -> f64 {
+        self.0.volume
+    }
+
+    fn gyration(&self) -> Vec3 {
+        self.0.gyration
+    }
+
+    fn contains(&self, point: &Vec3) -> bool {
+        self.0.pieces.iter().any(|piece| piece.contains(point))
+    }
+
+    fn placement(&self) -> Option<&Placement> {
+        Some(&self.0.placement)
+    }
+}
