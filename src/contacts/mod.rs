@@ -460,7 +460,8 @@ impl Contacts {
             return;
         };
         let before = &mut stretches[stretch];
-        for (pair, from) in now.pairs.iter().zip(from).filter(|(_, from)| **from != Previous::NONE) {
+        for (pair, from) in now.pairs.iter().zip(from).filter(|(_, from)| **from != Previous::NONE)
+        {
             let place = from.index();
             let last = before.pairs[place].a;
             if last != pair.a {

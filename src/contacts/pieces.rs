@@ -6,9 +6,7 @@
 //! Contacts of two bodies in several places share the mass of these: as many as press the same way have as many times the stiffness, and would else
 //! have too much damping ([`shares`]).
 
-use crate::contact::{
-    Geometry, Pair, PairOfPieces, Touching, contact_of, thickness_of_pieces,
-};
+use crate::contact::{Geometry, Pair, PairOfPieces, Touching, contact_of, thickness_of_pieces};
 use crate::ids::Slot;
 use crate::math::{Mat3, Vec3};
 use crate::particles::Particles;
@@ -52,8 +50,9 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
     let mut stays = vec![true; touching.len()];
     for mut rows in by_bodies(rows, particles, |slot| slot) {
         rows.sort_unstable_by_key(|&row| touching.pair[row]);
-        let (with_faces, others): (Vec<usize>, Vec<usize>) =
-            rows.into_iter().partition(|&row| have_faces(pairs[touching.pair[row] as usize], particles));
+        let (with_faces, others): (Vec<usize>, Vec<usize>) = rows
+            .into_iter()
+            .partition(|&row| have_faces(pairs[touching.pair[row] as usize], particles));
         if with_faces.len() > 1 {
             put_together(&with_faces, touching, pairs, &mut stays, particles);
         }
@@ -107,7 +106,9 @@ fn put_together(
         })
         .collect();
     let found = thickness_of_pieces(&posed, |i, j| oneness(pairs[i], pairs[j], particles));
-    rows.iter().for_each(|&row| stays[row] = false);
+    for &row in rows {
+        stays[row] = false;
+    }
     for (first, thickness) in found {
         let row = rows[first];
         stays[row] = true;

@@ -489,7 +489,7 @@ fn extended(library: &Library) -> Vec<[u8; 2]> {
     let is_piece = |shape: usize| u8::from(library.piece(ShapeId(shape as u16)).is_some());
     let with = |(shape, [first, second]): (usize, [u8; 2])| {
         let piece = is_piece(shape);
-        [first | OF_SECOND | OF_FIRST * piece, second | OF_FIRST | OF_SECOND * piece]
+        [first | OF_SECOND | (OF_FIRST * piece), second | OF_FIRST | (OF_SECOND * piece)]
     };
     own.enumerate().map(with).collect()
 }

@@ -204,7 +204,11 @@ impl Sums {
     fn gather(&mut self, particles: &Particles) {
         for (piece, body, arm) in particles.owned_pieces() {
             let of_piece = self.force[piece];
-            add(&mut self.force, body, [of_piece.vector.x, of_piece.vector.y, of_piece.vector.z, of_piece.number]);
+            add(
+                &mut self.force,
+                body,
+                [of_piece.vector.x, of_piece.vector.y, of_piece.vector.z, of_piece.number],
+            );
             if let Some(torque) = self.torque.get(piece).copied() {
                 let about = torque.vector + arm.cross(&of_piece.vector);
                 add(&mut self.torque, body, [about.x, about.y, about.z, torque.number]);

@@ -2,8 +2,8 @@
 
 use super::reader::{Given, Section};
 use crate::math::{Quat, Vec3, rotation_about};
-use crate::shape::moments::Placement;
 use crate::shape::hull::HullError;
+use crate::shape::moments::Placement;
 use crate::shape::polyhedron::corners_only;
 use crate::shape::union::Piece;
 use crate::shape::{
@@ -87,12 +87,12 @@ pub(super) fn union(section: &Section, find: impl Fn(&Given) -> Option<Shape>) -
         let section = given.section()?;
         let shape = section.require("shape").and_then(|given| find(&given));
         let at = section.vector_or("at", Vec3::zeros());
-        let turn = section.read_or("turn", Quat::identity(), |given| turn(&given));
+        let turn = section.read_or("turn", Quat::identity(), turn);
         let (shape, at, turn) = (shape?, at?, turn?);
-        let own = shape.placement().copied().unwrap_or(Placement {
-            centre: Vec3::zeros(),
-            axes: Quat::identity(),
-        });
+        let own = shape
+            .placement()
+            .copied()
+            .unwrap_or(Placement { centre: Vec3::zeros(), axes: Quat::identity() });
         Some(Piece { shape, centre: at + turn * own.centre, rotation: turn * own.axes })
     };
     let pieces: Vec<Option<Piece>> = given.list()?.iter().map(piece).collect();

@@ -153,7 +153,9 @@ impl Shapes {
         let mut shapes =
             Self { names: Names::of("shape"), library: Library::default(), complete: true };
         let sections = root.sections("shape");
-        sections.iter().for_each(|section| shapes.names.add(section));
+        for section in &sections {
+            shapes.names.add(section);
+        }
         let (geometries, pieces) = geometries(&sections, &shapes.names, folder);
         shapes.names.pieces = pieces;
         for (k, (section, geometry)) in sections.iter().zip(geometries).enumerate() {

@@ -662,7 +662,7 @@ const SMOOTH: f64 = 10.0;
 
 fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangles> {
     let scale = section.number_or("scale", 1.0);
-    let turn = section.read_or("turn", Quat::identity(), |given| turn(&given));
+    let turn = section.read_or("turn", Quat::identity(), turn);
     let shift = section.vector_or("shift", Vec3::zeros());
     let weld = section.number_or("weld", 0.0);
     let smooth = section.number_or("smooth", SMOOTH);

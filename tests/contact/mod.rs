@@ -8,3 +8,4 @@ mod pairs;
 mod reference;
 mod robustness;
 pub(crate) mod sides;
+mod unions;

@@ -101,3 +101,27 @@ fn traffic(directory: &Path) -> [u64; 3] {
     let report = report(directory);
     ["rebuilds", "recuts", "migrated"].map(|key| report["ranks"][key].as_u64().unwrap())
 }
+
+/// Bodies of several pieces, of balls and of blocks: also where a run was cut in between, on other numbers of ranks.
+#[test]
+fn bodies_of_pieces_have_the_same_bits() {
+    let alone = finished("unions", Launch::Alone);
+    let contacts = column(&alone.directory, "contacts");
+    assert!(contacts.values().any(|&count| count > 200.0), "{contacts:?}");
+    for ranks in [2, 3, 4] {
+        let together = finished("unions", Launch::Ranks(ranks));
+        assert_same_result(&alone.directory, &together.directory);
+        let [_, _, migrated] = traffic(&together.directory);
+        assert!(migrated > 20, "{}", together.ended);
+    }
+    let directory = fresh_directory("unions_in_legs");
+    let scene = scene("unions");
+    let words = |rest: &[&str]| {
+        let all = [&*scene, "--out", directory.to_str().unwrap()];
+        all.iter().chain(rest).map(|&word| word.to_owned()).collect::<Vec<_>>()
+    };
+    dem_mpi(Launch::Ranks(2), words(&["--steps", "7010"])).succeed();
+    let start = ["--start", directory.to_str().unwrap()];
+    dem_mpi(Launch::Ranks(3), words(&start)).succeed();
+    assert_same_result(&alone.directory, &directory);
+}

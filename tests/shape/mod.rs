@@ -4,3 +4,4 @@ mod kinds;
 mod sizes;
 mod solids;
 mod superellipsoids;
+pub(crate) mod unions;

@@ -6,5 +6,6 @@ mod motion;
 mod stages;
 pub(crate) mod symmetries;
 mod time_steps;
+mod unions;
 mod units;
 pub(crate) mod verification;

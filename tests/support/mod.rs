@@ -18,9 +18,10 @@ use dem_mpi::particles::records::Particle;
 use dem_mpi::random::Random;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, Continuation};
+use dem_mpi::shape::union::Piece;
 use dem_mpi::shape::{
     Ellipsoid, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere, Spherocylinder,
-    Superellipsoid,
+    Superellipsoid, Union,
 };
 use dem_mpi::sim::run::Schedule;
 use dem_mpi::sim::{Simulation, StepError};
@@ -532,6 +533,15 @@ pub(crate) fn scaled(shape: &Shape, unit: f64) -> Shape {
         Shape::RoundedPolyhedron(p) => {
             let solid = RoundedPolyhedron::new(&times(p.core().vertices()), p.radius() * unit);
             Shape::RoundedPolyhedron(Box::new(solid.expect("a body")))
+        }
+        Shape::Union(body) => {
+            let piece = |piece: &Piece| Piece {
+                shape: scaled(&piece.shape, unit),
+                centre: piece.centre * unit,
+                rotation: piece.rotation,
+            };
+            let body = Union::new(body.pieces().iter().map(piece).collect());
+            Shape::Union(Box::new(body.expect("a body")))
         }
         Shape::Other(_) | Shape::HalfSpace(_) | Shape::TriangleMesh(_) => {
             unreachable!("no grain of a scene")

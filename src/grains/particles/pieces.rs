@@ -102,14 +102,16 @@ impl Particles {
     /// From the centre of a body to that of one of its pieces [m], and how that is turned.
     fn place_in(&self, union: &Union, number: usize, body: usize) -> (Vec3, Quat) {
         let piece = &union.pieces()[number];
-        let turn = self.orientation.as_ref().map_or_else(Quat::identity, |all| all.quaternion[body]);
+        let turn =
+            self.orientation.as_ref().map_or_else(Quat::identity, |all| all.quaternion[body]);
         (turn * (piece.centre * self.scale_of(body)), turn * piece.rotation)
     }
 
     /// Each piece of an owned particle: its slot, that of the particle, and where its centre is from that of the particle [m].
     pub fn owned_pieces(&self) -> impl Iterator<Item = (usize, usize, Vec3)> + '_ {
         let of = self.pieces.body.iter().zip(self.first_piece()..);
-        of.filter(|&(&body, _)| (body as usize) < self.owned)
-            .map(|(&body, slot)| (slot, body as usize, self.position[slot] - self.position[body as usize]))
+        of.filter(|&(&body, _)| (body as usize) < self.owned).map(|(&body, slot)| {
+            (slot, body as usize, self.position[slot] - self.position[body as usize])
+        })
     }
 }

@@ -88,7 +88,8 @@ impl Library {
         self.particle_shapes = self.shapes.len();
         for of in 0..self.particle_shapes {
             let Shape::Union(body) = &self.shapes[of] else { continue };
-            let pieces: Vec<Shape> = body.pieces().iter().map(|piece| piece.shape.clone()).collect();
+            let pieces: Vec<Shape> =
+                body.pieces().iter().map(|piece| piece.shape.clone()).collect();
             for (number, shape) in pieces.into_iter().enumerate() {
                 let name = format!("{}, piece {}", self.names[of], number + 1);
                 let id = self.push(&name, shape, self.materials[of], 0.0);

@@ -298,4 +298,3 @@ fn area_in(shared: &Clipped, plane: &Plane) -> Vec3 {
     }
     area
 }
-

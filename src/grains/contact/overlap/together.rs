@@ -79,7 +79,9 @@ pub(super) fn thickness_of(
     let mut of_member = Vec::with_capacity(members.len());
     for lumps in members {
         let mut moments = Moments::none();
-        lumps.iter().for_each(|lump| moments.add(&Moments::of(lump, &axes, &origin), 1.0));
+        for lump in lumps {
+            moments.add(&Moments::of(lump, &axes, &origin), 1.0);
+        }
         all.add(&moments, 1.0);
         of_member.push(moments);
     }
@@ -112,7 +114,9 @@ pub(super) fn thickness_of(
             pressure.add(one, part, &middle);
         }
         let place = |at: Vec3| axes.tr_mul(&(at - origin)) - middle;
-        members[j].iter().for_each(|lump| sum.press(lump, &pressure, place));
+        for lump in &members[j] {
+            sum.press(lump, &pressure, place);
+        }
     }
     let found = sum.about(middle, thickness, covariance);
     Some((found.placed(1.0, &axes).with_origin(&origin), has_volume))

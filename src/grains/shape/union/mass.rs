@@ -26,7 +26,9 @@ const LOOKS: usize = 64;
 pub(super) fn of(pieces: &[Piece]) -> Result<(Principal, f64), UnionError> {
     let origin = pieces.iter().map(|piece| piece.centre).sum::<Vec3>() / pieces.len() as f64;
     let mut sum = Moments::none(origin);
-    pieces.iter().for_each(|piece| sum.add(&of_piece(piece, &origin), 1.0));
+    for piece in pieces {
+        sum.add(&of_piece(piece, &origin), 1.0);
+    }
     let touching = near_pairs(pieces);
     let error = if touching.is_empty() {
         0.0
@@ -140,11 +142,7 @@ fn balls_in_twos(pieces: &[Piece], touching: &[[usize; 2]]) -> Option<Vec<[usize
 }
 
 /// What two balls share: a cap of each.
-fn lens(
-    pieces: &[Piece],
-    [one, other]: [usize; 2],
-    origin: &Vec3,
-) -> Result<Moments, UnionError> {
+fn lens(pieces: &[Piece], [one, other]: [usize; 2], origin: &Vec3) -> Result<Moments, UnionError> {
     let way = pieces[other].centre - pieces[one].centre;
     let distance = way.norm();
     let [r, s] = [one, other].map(|k| pieces[k].shape.bounding_radius());
@@ -202,9 +200,11 @@ fn along_lines(pieces: &[Piece], origin: &Vec3, count: usize) -> Moments {
         let x = low.x + (0.5 + (square % count) as f64) * width.x;
         let y = low.y + (0.5 + (square / count) as f64) * width.y;
         chords.clear();
-        chords.extend(pieces.iter().filter_map(|piece| {
-            chord(piece, &(origin + Vec3::new(x, y, low.z)), high.z - low.z)
-        }));
+        chords.extend(
+            pieces.iter().filter_map(|piece| {
+                chord(piece, &(origin + Vec3::new(x, y, low.z)), high.z - low.z)
+            }),
+        );
         chords.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let mut reached = f64::NEG_INFINITY;
         for [from, to] in chords.drain(..) {
@@ -217,8 +217,7 @@ fn along_lines(pieces: &[Piece], origin: &Vec3, count: usize) -> Moments {
             sum.volume += length;
             sum.first += Vec3::new(x, y, z) * length;
             let (xz, yz) = (x * z, y * z);
-            sum.second +=
-                Mat3::new(x * x, x * y, xz, x * y, y * y, yz, xz, yz, square) * length;
+            sum.second += Mat3::new(x * x, x * y, xz, x * y, y * y, yz, xz, yz, square) * length;
         }
     }
     sum
