@@ -521,7 +521,10 @@ pub fn restless_sides(scene: &Scene) -> Option<String> {
     let library = &scene.library;
     let acceleration = scene.gravity.norm();
     let part = |shape: &Shape, scale: f64, dt: f64| lost_levers(shape, scale, acceleration, dt);
-    let by_point = |id: ShapeId| library.shapes[id.index()].kind().extended()[0] == 0;
+    let by_point = |id: ShapeId| {
+        let kind = library.shapes[id.index()].kind();
+        kind != Kind::Union && kind.extended()[0] == 0
+    };
     let (part_of_worst, id, scale) = library
         .extremes()
         .filter(|&(id, _)| by_point(id))

@@ -40,7 +40,7 @@ fn bodies_bounce_alike_on_any_number_of_feet() {
             let (gravity, rest) = rest.split_once('\n').unwrap();
             let scene = scene(&format!("{gravity}\n{text}{rest}"));
             let mut bench = Bench::of(&scene, &[at(0, Vec3::z() * 0.0102, Vec3::z() * -0.1)]);
-            for _ in 0..3000 {
+            for _ in 0..7000 {
                 bench.step();
             }
             let velocity = bench.sim.particles.velocity[0];
@@ -97,7 +97,8 @@ fn a_cut_box_moves_as_the_whole() {
     }
     assert!(touched > 20, "{touched}");
     let [one, other] = benches.each_mut().map(Bench::measure);
-    close(other.dissipated, one.dissipated, 1e-7, "dissipated");
+    // Where another piece takes a contact over, its point is seen from there as of now.
+    close(other.dissipated, one.dissipated, 1e-4, "dissipated");
 }
 
 /// A body in free flight keeps its energy and its angular momentum; about the middle one of its axes it flips.
@@ -109,7 +110,7 @@ fn a_body_of_blocks_turns_freely() {
     let inertia = scene.library.inertia[0];
     let middle = (0..3).find(|&k| inertia[k] != inertia.min() && inertia[k] != inertia.max());
     let axis = Vec3::ith(middle.expect("three moments"), 1.0) + Vec3::repeat(1e-4);
-    let spun = at(0, Vec3::zeros(), Vec3::zeros()).spinning(axis * 50.0, &scene.library);
+    let spun = at(0, Vec3::z() * 0.5, Vec3::zeros()).spinning(axis * 50.0, &scene.library);
     let mut bench = Bench::of(&scene, &[spun]);
     let before = bench.sim.particles.angular_momentum(0);
     let energy = |bench: &mut Bench| bench.measure().kinetic();
