@@ -4,6 +4,7 @@
 //! resolvers say what touches, [`Contacts::arrange`] puts that in order beside what was remembered, and in
 //! [`Contacts::compute_forces`] a law finds the forces, and the new columns take the place of the old.
 
+mod passing;
 mod pieces;
 mod surfaces;
 
@@ -445,7 +446,7 @@ impl Contacts {
         separated.extend(rest.map(|(_, place)| Separated { place, before: from.len() }));
         if on_meshes || with_pieces {
             let (now, last) = ((&*now.pairs, &*now.geometry), (&*before.pairs, &*before.geometry));
-            surfaces::pass_on(now, last, from, separated, particles);
+            passing::pass_on(now, last, from, separated, particles);
         }
         if with_pieces {
             self.see_from_new_pieces(stretch, particles);
@@ -521,7 +522,7 @@ impl Contacts {
         if particles.needs.curvature {
             curvature::find(&particles.bodies(), &now.pairs, &now.geometry, curvatures);
         }
-        pieces::shares(&now.pairs, &now.geometry, particles, shares);
+        pieces::shares((&now.pairs, &now.geometry, &now.patches), particles, shares);
         let mut work = Work {
             pairs: &now.pairs,
             shares,

@@ -1,17 +1,20 @@
 //! Two bodies have one contact in each place, however many pieces meet there.
 //!
-//! What pieces with faces share is put together ([`thickness_of_pieces`]). Of others that are one to more than [`ONE`] the deepest counts.
-//! The contact belongs to the first pair of pieces of its place. Where another comes to be the first, it takes along what is remembered.
+//! Volumes that pieces with faces share are put together ([`thickness_of_pieces`]). That contact belongs to the first pair of pieces of its place. Where
+//! another comes to be the first, it takes along what is remembered. Others that are one to more than [`ONE`] press as one ([`share_depth`]).
 //!
 //! Contacts of two bodies in several places share the mass of these: as many as press the same way have as many times the stiffness, and would else
 //! have too much damping ([`shares`]).
 
-use crate::contact::{Geometry, Pair, PairOfPieces, Touching, contact_of, thickness_of_pieces};
+use crate::contact::{
+    Geometry, Pair, PairOfPieces, Patch, Touching, contact_of, thickness_of_pieces,
+};
 use crate::ids::Slot;
 use crate::math::{Mat3, Vec3};
 use crate::particles::Particles;
 use crate::shape::Shape;
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Smooth pieces that are one to this part have one contact.
 const ONE: f64 = 0.9;
@@ -56,7 +59,9 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
         if with_faces.len() > 1 {
             put_together(&with_faces, touching, pairs, &mut stays, particles);
         }
-        keep_deepest(others, touching, pairs, &mut stays, particles);
+        if others.len() > 1 {
+            share_depth(&others, touching, pairs, particles);
+        }
     }
     if stays.contains(&false) {
         touching.keep(&stays);
@@ -121,28 +126,43 @@ fn put_together(
     }
 }
 
-/// Of contacts that are nearly one place, the deepest; of equally deep ones the first.
-fn keep_deepest(
-    mut rows: Vec<usize>,
-    touching: &Touching,
-    pairs: &[Pair],
-    stays: &mut [bool],
-    particles: &Particles,
-) {
-    rows.sort_by(|&one, &other| {
-        touching.geometry[other].overlap.total_cmp(&touching.geometry[one].overlap)
-    });
+/// Contacts of round pieces that are one press as one, nearly as the deepest: with `W_i = Σ_j δ_j⁸` over those that are one with contact `i`, the
+/// energy of a stiffness `k` is `½ k Σ_i δ_i⁸ W_i^(-3/4)`, and forces are its gradient. Of one it is `½ k δ²`, of two equally deep ones 1.19 of that.
+fn share_depth(rows: &[usize], touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
     let pair = |row: usize| pairs[touching.pair[row] as usize];
-    for k in 1..rows.len() {
-        let is_one = |&deeper: &usize| {
-            stays[deeper] && oneness(pair(deeper), pair(rows[k]), particles) >= ONE
-        };
-        stays[rows[k]] = !rows[..k].iter().any(is_one);
+    let deepest = rows.iter().map(|&row| touching.geometry[row].overlap).fold(0.0, f64::max);
+    let eighth = |row: usize| (touching.geometry[row].overlap / deepest).powi(8);
+    let with = |row: usize| {
+        let ones =
+            rows.iter().filter(move |&&other| oneness(pair(row), pair(other), particles) >= ONE);
+        ones.copied()
+    };
+    let sums: Vec<f64> = rows.iter().map(|&row| with(row).map(eighth).sum()).collect();
+    let sum_of = |row: usize| rows.iter().position(|&other| other == row).map_or(1.0, |k| sums[k]);
+    let found = rows.iter().zip(&sums).map(|(&row, &sum)| {
+        let part = touching.geometry[row].overlap / deepest;
+        let root = |sum: f64| (sum * sum * sum).sqrt().sqrt();
+        let thickness = part.powi(4) / root(sum).sqrt();
+        let others: f64 = with(row)
+            .map(|other| {
+                let sum = sum_of(other);
+                eighth(other) / (sum * root(sum))
+            })
+            .sum();
+        let force = 4.0 * part.powi(7) * (1.0 / root(sum) - 0.75 * others);
+        (row, thickness * deepest, force / thickness)
+    });
+    let found: Vec<(usize, f64, f64)> = found.collect();
+    for (row, overlap, gain) in found {
+        touching.geometry[row].overlap = overlap;
+        if let Some(patch) = touching.patch.get_mut(row) {
+            patch.gain = gain;
+        }
     }
 }
 
 /// How like a contact of two bodies is one of them that has ended, as the cosine between their normals; `None` if they are of others, or
-/// turned by half a right angle.
+/// turned by half of a right angle.
 pub(super) fn likeness(
     (now, normal): (Pair, &Vec3),
     (before, last): (Pair, &Vec3),
@@ -150,14 +170,13 @@ pub(super) fn likeness(
 ) -> Option<f64> {
     let likeness = normal.dot(last);
     let is_of_both = has_piece(now, particles) && particles.have_same_bodies(now, before);
-    (is_of_both && likeness > super::surfaces::HALF_OF_RIGHT).then_some(likeness)
+    (is_of_both && likeness > FRAC_1_SQRT_2).then_some(likeness)
 }
 
 /// The part of the mass of its bodies that each contact of a stretch has, 1 of bodies that touch in one place: one over
-/// `Σ min(1, δ_j / δ) max(0, n_j·n)²` over the contacts of both bodies. Nothing if there are no pieces.
+/// `Σ g_j min(1, δ_j / δ) max(0, n_j·n)²` over the contacts of both bodies, with the gains `g_j` of round ones. Nothing if there are no pieces.
 pub(super) fn shares(
-    pairs: &[Pair],
-    geometry: &[Geometry],
+    (pairs, geometry, patches): (&[Pair], &[Geometry], &[Patch]),
     particles: &Particles,
     shares: &mut Vec<f64>,
 ) {
@@ -170,13 +189,14 @@ pub(super) fn shares(
         let wall = particles.wall_of(slot);
         wall.map_or(slot, |wall| Slot(u32::MAX - wall as u32))
     };
+    let gain = |row: usize| if have_faces(pairs[row], particles) { 1.0 } else { patches[row].gain };
     for rows in by_bodies(pairs.iter().copied().enumerate(), particles, of_wall) {
         for &row in &rows {
             let own = &geometry[row];
             let like = |&other: &usize| {
                 let Geometry { normal, overlap } = &geometry[other];
                 let cosine = normal.dot(&own.normal).max(0.0);
-                (overlap / own.overlap).clamp(0.0, 1.0) * cosine * cosine
+                gain(other) * (overlap / own.overlap).clamp(0.0, 1.0) * cosine * cosine
             };
             shares[row] = 1.0 / rows.iter().map(like).sum::<f64>().max(1.0);
         }

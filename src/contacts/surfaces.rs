@@ -8,10 +8,8 @@
 //! A grain with faces or a straight side has one contact with all facets that are one surface ([`crate::contact::thickness_on_surface`]), so that
 //! there is nothing to leave out. Its contact passes to any facet, if the normal turns by less than half of a right angle.
 
-use super::pieces;
-use crate::contact::{Geometry, Pair, Previous, Touching, touch_of_sphere};
+use crate::contact::{Geometry, Pair, Touching, touch_of_sphere};
 use crate::ids::{GlobalId, Slot};
-use crate::law::Separated;
 use crate::math::Vec3;
 use crate::particles::Particles;
 use crate::shape::triangle_mesh::FLAT;
@@ -20,14 +18,14 @@ use crate::walls::PARALLEL;
 use std::cmp::Ordering;
 
 /// A facet of a mesh that is the second body of a pair.
-struct OnMesh<'a> {
+pub(super) struct OnMesh<'a> {
     wall: usize,
     facet: u32,
     mesh: &'a TriangleMesh,
 }
 
 impl<'a> OnMesh<'a> {
-    fn of(pair: Pair, particles: &'a Particles) -> Option<Self> {
+    pub(super) fn of(pair: Pair, particles: &'a Particles) -> Option<Self> {
         let wall = particles.wall_of(pair.b)?;
         let mesh = &*particles.walls[wall].mesh.as_ref()?.surface;
         let (_, facet) = particles.id[pair.b.index()].wall_and_facet()?;
@@ -36,7 +34,7 @@ impl<'a> OnMesh<'a> {
 }
 
 /// The cosine of half of a right angle.
-pub(super) const HALF_OF_RIGHT: f64 = std::f64::consts::FRAC_1_SQRT_2;
+const HALF_OF_RIGHT: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// The cosine of an angle that is rounding.
 const ALIKE: f64 = 1.0 - 1e-12;
@@ -149,7 +147,7 @@ impl OnMesh<'_> {
     }
 
     /// How near the normal of a contact of a grain is to that of one that has ended, as a cosine, if it may go on from it.
-    fn nearness(
+    pub(super) fn nearness(
         &self,
         (now, normal): (Pair, &Vec3),
         (before, last): (Pair, &Vec3),
@@ -259,43 +257,5 @@ fn merge_of_one(of_one: &[OnWall], stays: &mut [bool], particles: &Particles) {
         };
         let is_least = !rest[k + 1..].iter().any(has_it_in);
         stays[on.row] &= is_least;
-    }
-}
-
-/// Lets new contacts on meshes go on from those that have ended on facets beside theirs, and those of pieces from those of others of the same
-/// bodies: of several, from that with the nearest normal.
-pub(super) fn pass_on(
-    (now, geometry): (&[Pair], &[Geometry]),
-    (before, geometry_before): (&[Pair], &[Geometry]),
-    from: &mut [Previous],
-    separated: &mut Vec<Separated>,
-    particles: &Particles,
-) {
-    for row in 0..from.len() {
-        if from[row] != Previous::NONE || separated.is_empty() {
-            continue;
-        }
-        let on = OnMesh::of(now[row], particles);
-        let nearness = |ended: &Separated| {
-            let (pair, last) = (before[ended.place], &geometry_before[ended.place].normal);
-            let new = (now[row], &geometry[row].normal);
-            on.as_ref()
-                .and_then(|on| on.nearness(new, (pair, last), particles))
-                .or_else(|| pieces::likeness(new, (pair, last), particles))
-        };
-        let mut best: Option<(f64, GlobalId, usize)> = None;
-        for (k, ended) in separated.iter().enumerate() {
-            let Some(nearness) = nearness(ended) else { continue };
-            let id = particles.id[before[ended.place].b.index()];
-            let is_better = best.is_none_or(|(nearest, of, _)| {
-                nearness > nearest || nearness == nearest && id < of
-            });
-            if is_better {
-                best = Some((nearness, id, k));
-            }
-        }
-        if let Some((_, _, k)) = best {
-            from[row] = Previous::at(separated.remove(k).place);
-        }
     }
 }

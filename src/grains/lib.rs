@@ -13,8 +13,9 @@ pub mod math;
 pub mod text;
 pub mod timing;
 
-pub mod cell;
 pub mod random;
+
+pub mod cell;
 pub mod shape;
 
 pub mod contact;

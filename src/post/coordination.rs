@@ -6,12 +6,15 @@
 //! * without walls `Z = 2 N_pp / N`,
 //! * with walls `Z = (2 N_pp + N_pw) / N`: a wall contact has one particle.
 //!
+//! Bodies that touch in several places, as unions may, count once.
+//!
 //! The mechanical coordination number (Thornton 2000, DOI 10.1680/geot.2000.50.1.43) leaves out the
 //! rattlers, which carry nothing: `Z_m = (2 N_c - N_1) / (N - N_0 - N_1)` with `N_0`, `N_1` the particles with
 //! no and with one contact. Rattlers are taken out once, not again until none is left.
 
 use super::region::Members;
 use super::sums::quotient;
+use crate::ids::GlobalId;
 use crate::output::tables::ContactTable;
 use serde::{Deserialize, Serialize};
 
@@ -20,12 +23,17 @@ use serde::{Deserialize, Serialize};
 pub struct CoordinationCount {
     /// Contacts with particles and with walls, by id.
     contacts: Vec<[u32; 2]>,
+    /// Those of two bodies stand side by side.
+    last: Option<(GlobalId, GlobalId)>,
 }
 
 impl CoordinationCount {
     /// Adds these contacts.
     pub fn add_contacts(&mut self, contacts: &ContactTable) {
         for (&a, &b) in contacts.a.iter().zip(&contacts.b) {
+            if self.last.replace((a, b)) == Some((a, b)) {
+                continue;
+            }
             if b.wall_index().is_some() {
                 self.of(a.0)[1] += 1;
             } else {

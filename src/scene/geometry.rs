@@ -1,14 +1,12 @@
 //! The geometry of a shape: from the file as written.
 
 use super::reader::{Given, Section};
-use crate::math::{Quat, Vec3, rotation_about};
+use crate::math::Vec3;
 use crate::shape::hull::HullError;
-use crate::shape::moments::Placement;
 use crate::shape::polyhedron::corners_only;
-use crate::shape::union::Piece;
 use crate::shape::{
     Ellipsoid, Kind, PolySuperellipsoid, Polyhedron, RoundedPolyhedron, Shape, Sphere,
-    Spherocylinder, Superellipsoid, Union, mesh,
+    Spherocylinder, Superellipsoid, mesh,
 };
 use std::path::Path;
 
@@ -33,8 +31,8 @@ fn reader(kind: Kind) -> Option<Reader> {
         Kind::RoundedPolyhedron => {
             (&["vertices", "edges", "file", "scale", "radius"], rounded_polyhedron)
         }
-        // Of other shapes, see [`union`].
-        Kind::Union => (&["pieces"], |_, _| None),
+        // Read by `pieces::union`, which knows the other shapes.
+        Kind::Union => (&["pieces", "file", "scale", "tolerance"], |_, _| None),
         Kind::Other | Kind::HalfSpace | Kind::TriangleMesh => return None,
     };
     Some(Reader { keys, read })
@@ -67,38 +65,9 @@ pub(super) fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
     (reader.read)(section, folder)
 }
 
-/// A turn by an angle about an axis through the origin.
-pub(super) fn turn(given: &Given) -> Option<Quat> {
-    let section = given.section()?;
-    let axis = section.require("axis").and_then(|given| given.direction());
-    let angle = section.number("angle");
-    Some(rotation_about(&axis?, angle?.to_radians()))
-}
-
 /// Is the shape of a section one of others?
 pub(super) fn is_union(section: &Section) -> bool {
     section.get("kind").as_ref().and_then(Given::text) == Some(Kind::Union.name())
-}
-
-/// A union of pieces whose shapes `find` knows by their names, each placed in the axes in which it is written.
-pub(super) fn union(section: &Section, find: impl Fn(&Given) -> Option<Shape>) -> Option<Shape> {
-    let given = section.require("pieces")?;
-    let piece = |given: &Given| {
-        let section = given.section()?;
-        let shape = section.require("shape").and_then(|given| find(&given));
-        let at = section.vector_or("at", Vec3::zeros());
-        let turn = section.read_or("turn", Quat::identity(), turn);
-        let (shape, at, turn) = (shape?, at?, turn?);
-        let own = shape
-            .placement()
-            .copied()
-            .unwrap_or(Placement { centre: Vec3::zeros(), axes: Quat::identity() });
-        Some(Piece { shape, centre: at + turn * own.centre, rotation: turn * own.axes })
-    };
-    let pieces: Vec<Option<Piece>> = given.list()?.iter().map(piece).collect();
-    let pieces: Option<Vec<Piece>> = pieces.into_iter().collect();
-    let body = Union::new(pieces?).map_err(|error| given.fail(error)).ok()?;
-    Some(Shape::Union(Box::new(body)))
 }
 
 fn sphere(section: &Section, _: &Path) -> Option<Shape> {

@@ -1,8 +1,9 @@
 //! Materials and shapes: from the file as written to the library.
 
 use super::Mix;
-use super::geometry::{geometry, is_union, union};
+use super::geometry::{geometry, is_union};
 use super::mistakes::suggestion;
+use super::pieces::union;
 use super::reader::{Given, Section};
 use super::sizes::sizes;
 use crate::ids::{MaterialId, ShapeId};
@@ -211,7 +212,7 @@ fn geometries(
     };
     let of = |(section, single): (&Section, &Option<Option<Shape>>)| match single {
         Some(shape) => shape.clone(),
-        None => union(section, find),
+        None => union(section, find, folder),
     };
     let all = sections.iter().zip(&singles).map(of).collect();
     (all, pieces.into_inner())

@@ -138,7 +138,8 @@ const NOT_THERE: [(&str, &str, &str); 29] = [
     ("stop", "strain", REACHED),
 ];
 
-const CLUMPS: &str = "clumps are not supported yet; instead take a `polyhedron`, a `rounded-polyhedron` or a `superellipsoid`";
+const CLUMPS: &str =
+    "instead give a [[shape]] with kind = \"union\" and its `pieces`, or a `file` of balls";
 const HELD: &str =
     "particles that are held are not supported; instead make an obstacle a [[wall]] with a `mesh`";
 const PUSHED: &str = "forces on single particles are not supported; instead make such a body a [[wall]] with a `mesh`, and give it a \

@@ -36,6 +36,7 @@ mod orientations;
 pub mod packing;
 pub mod pair;
 mod parts;
+mod pieces;
 pub mod plan;
 mod reader;
 mod regions;

@@ -14,7 +14,7 @@ use crate::math::{ExactSum, Vec3};
 use crate::output::snapshot::{contact_bytes, particle_bytes};
 use crate::output::tables::PARTICLE_COLUMNS;
 use crate::shape::moments::Placement;
-use crate::shape::{Kind, Shape};
+use crate::shape::{Convex as _, Kind, Shape, Union};
 use crate::walls::{Mesh, Wall};
 use std::collections::BTreeSet;
 use std::fmt::Display;
@@ -207,6 +207,9 @@ fn shapes(scene: &Scene, page: &mut Page) {
             let drawn = if words.is_empty() { words } else { format!("; drawn: {words}") };
             page.line("", format!("lengths from {least:?} to {largest:?} times these{drawn}"));
         }
+        if let Shape::Union(body) = shape {
+            page.line("", pieces_of(body));
+        }
         if let Some(Placement { centre, axes }) = shape.placement() {
             let ([x, y, z], q): ([f64; 3], _) = ((*centre).into(), axes.quaternion());
             page.line(
@@ -219,6 +222,21 @@ fn shapes(scene: &Scene, page: &mut Page) {
             );
         }
     }
+}
+
+/// How many, and how well they are known.
+fn pieces_of(body: &Union) -> String {
+    let (count, error) = (body.pieces().len(), body.error());
+    let volume = body.volume();
+    if body.far() > 0.0 {
+        return format!(
+            "{count} pieces stand for a mesh of {volume:.4e} m3: their volume is {:+.2} % of it, and they are up to {:.3e} m from it",
+            100.0 * error,
+            body.far()
+        );
+    }
+    let known = if error > 0.0 { format!("to {error:.1e}") } else { "exact".to_owned() };
+    format!("{count} pieces of {volume:.4e} m3, {known}")
 }
 
 fn walls(scene: &Scene, page: &mut Page) {

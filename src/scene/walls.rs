@@ -4,10 +4,10 @@ mod servos;
 
 pub(super) use servos::{highest_stress, stress_of_force};
 
-use super::geometry::turn;
 use super::matter::{Materials, Names};
 use super::mistakes::suggestion;
 use super::motions::{Motions, axis_of_turn, repeats};
+use super::pieces::turn;
 use super::reader::{Given, Section};
 use crate::cell::{AXES, Cell, SIDES};
 use crate::contact::Method;

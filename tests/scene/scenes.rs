@@ -473,7 +473,7 @@ fn wrong_overrides_are_named() {
             "shape.ball.kind=elipsoid",
             "shape.ball.kind = \"elipsoid\": no such choice, did you mean `ellipsoid`? (allowed: \
              sphere, ellipsoid, superellipsoid, poly-superellipsoid, spherocylinder, polyhedron, \
-             rounded-polyhedron)",
+             rounded-polyhedron, union)",
         ),
     ];
     for (text, message) in wrong {

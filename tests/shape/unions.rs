@@ -85,13 +85,7 @@ fn two_balls_have_their_lens_once() {
         Union::new(vec![piece(&ball(1.0), [0.0; 3]), piece(&ball(1.0), [apart, 0.0, 0.0])])
     };
     let one = pair(1.0).expect("a body");
-    has(
-        &one,
-        2.25 * PI,
-        [3.004_148, 5.213_080, 5.213_080],
-        1e-6,
-        "1 apart",
-    );
+    has(&one, 2.25 * PI, [3.004_148, 5.213_080, 5.213_080], 1e-6, "1 apart");
     let half = pair(0.5).expect("a body");
     close(half.volume(), 5.726_862, 1e-6, "0.5 apart");
     has(&half, half.volume(), [2.428_803, 3.131_877, 3.131_877], 1e-6, "0.5 apart");

@@ -18,7 +18,7 @@ pub(crate) const SHAPES: [&str; 9] = [
     "kind = \"union\"\npieces = [{ shape = \"end\", at = [-0.004, 0, 0] }, { shape = \"end\", at = [0.004, 0, 0] }]\n\
     [[shape]]\nname = \"end\"\nkind = \"sphere\"\nradius = 0.007",
     "kind = \"union\"\npieces = [{ shape = \"bar\" }, { shape = \"bar\", turn = { axis = [0, 0, 1], angle = 90 } }]\n\
-    [[shape]]\nname = \"bar\"\nkind = \"polyhedron\"\nedges = [0.022, 0.008, 0.009]",
+    [[shape]]\nname = \"bar\"\nkind = \"polyhedron\"\nedges = [0.024, 0.009, 0.01]",
 ];
 
 /// Powers of 2 by which lengths, masses and times are larger than in SI.

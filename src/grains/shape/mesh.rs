@@ -10,6 +10,7 @@ use super::hull::{Hull, HullError, size};
 use super::polyhedron::deepest;
 use crate::math::{Vec3, bounds};
 use crate::text::{self, Unreadable};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// How far a mesh may be from convex, relative to its size.
@@ -103,10 +104,22 @@ pub fn convex(mut triangles: Vec<[Vec3; 3]>, scale: f64) -> Result<Vec<Vec3>, Me
 /// # Errors
 /// If the file cannot be read.
 pub fn triangles(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
+    Ok(groups(path)?.into_iter().flat_map(|(_, triangles)| triangles).collect())
+}
+
+/// Triangles of a part of a file, under its name.
+pub type Group = (String, Vec<[Vec3; 3]>);
+
+/// The same of each object or group of an OBJ, with its name; of other files all are one.
+///
+/// # Errors
+/// If the file cannot be read.
+pub fn groups(path: &Path) -> Result<Vec<Group>, MeshError> {
     let (format, read): (_, fn(&[u8]) -> _) = if has_ending(path, "stl") {
-        ("STL", stl::triangles)
+        let all = |bytes: &[u8]| stl::triangles(bytes).map(|all| vec![(String::new(), all)]);
+        ("STL", all)
     } else if has_ending(path, "obj") {
-        ("OBJ", obj::triangles)
+        ("OBJ", obj::groups)
     } else {
         return Err(MeshError::Ending);
     };
@@ -114,11 +127,37 @@ pub fn triangles(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
     if bytes.is_empty() {
         return Err(MeshError::NoTriangles { format, what: "is empty" });
     }
-    let triangles = read(&bytes)?;
-    if triangles.is_empty() {
+    let mut groups: Vec<Group> = read(&bytes)?;
+    groups.retain(|(_, triangles)| !triangles.is_empty());
+    if groups.is_empty() {
         return Err(MeshError::NoTriangles { format, what: "has no triangles" });
     }
-    Ok(triangles)
+    Ok(groups)
+}
+
+/// The corners of triangles, those that are one but for rounding once, and the triangles by their numbers. Triangles without an area are left out.
+pub fn welded(triangles: &[[Vec3; 3]]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let corners = distinct(triangles);
+    let near = SAME * size(&corners);
+    let number = |corner: &Vec3| {
+        let first = corners.partition_point(|known| known.x < corner.x - near);
+        let is_it = |k: &usize| (corners[*k] - corner).norm() <= near;
+        (first..corners.len()).find(is_it).map_or(0, |k| k as u32)
+    };
+    let numbers = triangles.iter().map(|triangle| [0, 1, 2].map(|k| number(&triangle[k])));
+    let faces = numbers.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+    (corners, faces)
+}
+
+/// A corner at an edge that has no triangle on its other side, the other way round; `None` of a closed surface.
+pub fn open_edge(faces: &[[u32; 3]]) -> Option<u32> {
+    let sides = |[a, b, c]: &[u32; 3]| [(*a, *b), (*b, *c), (*c, *a)];
+    let mut open: BTreeMap<(u32, u32), i32> = BTreeMap::new();
+    for (from, to) in faces.iter().flat_map(sides) {
+        *open.entry((from, to)).or_default() += 1;
+        *open.entry((to, from)).or_default() -= 1;
+    }
+    open.into_iter().find(|(_, count)| *count != 0).map(|((from, _), _)| from)
 }
 
 /// What the seven digits of binary STL have done to a mesh that is small and far from the origin of its file, if they have.
@@ -140,7 +179,8 @@ pub fn lost_digits(path: &Path, triangles: &[[Vec3; 3]]) -> Option<String> {
     })
 }
 
-fn has_ending(path: &Path, ending: &str) -> bool {
+/// Does the name of a file end so, in small letters or large?
+pub fn has_ending(path: &Path, ending: &str) -> bool {
     path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending))
 }
 

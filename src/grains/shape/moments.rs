@@ -61,6 +61,22 @@ impl Moments {
         self.second += other.second * sign;
     }
 
+    /// Of what a closed surface of triangles holds, whose fronts face outwards.
+    pub fn of_surface(triangles: &[[Vec3; 3]]) -> Self {
+        let corners = triangles.as_flattened();
+        let origin = corners.iter().sum::<Vec3>() / corners.len() as f64;
+        let mut sum = Self::none(origin);
+        for triangle in triangles {
+            sum.add_tetrahedron(&triangle.map(|corner| corner - origin));
+        }
+        sum
+    }
+
+    /// [m³]
+    pub const fn volume(&self) -> f64 {
+        self.volume
+    }
+
     /// Of a cut polyhedron whose vertices are seen from the origin.
     pub(super) fn of_cut(body: &Clipped, origin: &Vec3) -> Self {
         let mut sum = Self::none(*origin);

@@ -29,10 +29,21 @@ impl Polyhedron {
     /// # Errors
     /// If the points are too few, the same, in one plane, not finite, or if one of them is inside.
     pub fn new(points: &[Vec3]) -> Result<Self, HullError> {
-        let hull = convex(points)?;
-        let Principal { volume, gyration, placement } = Moments::of(&hull).principal();
+        Ok(Self::of(&convex(points)?))
+    }
+
+    /// The hull of points [m], in any axes and order.
+    ///
+    /// # Errors
+    /// If the points are too few, the same, in one plane, or not finite.
+    pub fn around(points: &[Vec3]) -> Result<Self, HullError> {
+        Ok(Self::of(&Hull::of(points)?))
+    }
+
+    fn of(hull: &Hull) -> Self {
+        let Principal { volume, gyration, placement } = Moments::of(hull).principal();
         let hull = hull.seen_from(&placement.centre, placement.axes.to_rotation_matrix().matrix());
-        Ok(Self { hull, volume, gyration, placement })
+        Self { hull, volume, gyration, placement }
     }
 
     /// Its surface.

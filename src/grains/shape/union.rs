@@ -8,7 +8,8 @@
 
 mod mass;
 
-use super::moments::Placement;
+use super::facets::Facets;
+use super::moments::{Moments, Placement, Principal};
 use super::{Convex, Shape};
 use crate::math::{Quat, Vec3, bounds};
 use crate::random::Random;
@@ -85,6 +86,8 @@ struct Stored {
     placement: Placement,
     /// Of the volume, relative.
     error: f64,
+    /// See [`Union::far`].
+    far: f64,
     /// See [`Union::oneness`], row by row.
     oneness: Vec<f64>,
 }
@@ -120,13 +123,42 @@ impl Union {
     ///
     /// # Errors
     /// If there is no piece, or too many, or one within another.
-    pub fn new(mut pieces: Vec<Piece>) -> Result<Self, UnionError> {
-        match pieces.len() {
-            0 => return Err(UnionError::Empty),
-            count if count > Self::MOST => return Err(UnionError::TooMany { count }),
-            _ => {}
-        }
+    pub fn new(pieces: Vec<Piece>) -> Result<Self, UnionError> {
+        Self::check(&pieces)?;
         let (principal, error) = mass::of(&pieces)?;
+        Ok(Self::seen_from(&principal, pieces, error))
+    }
+
+    /// Of pieces with faces that stand for what a closed surface of triangles holds, in the same axes. Mass and inertia are the surface's. Pieces within
+    /// others are left out.
+    ///
+    /// # Errors
+    /// If there is no piece, or too many.
+    pub fn in_surface(mut pieces: Vec<Piece>, surface: &[[Vec3; 3]]) -> Result<Self, UnionError> {
+        let moments = Moments::of_surface(surface);
+        let of_pieces = loop {
+            Self::check(&pieces)?;
+            match mass::of(&pieces) {
+                Ok((principal, _)) => break principal.volume,
+                Err(UnionError::Within { inner, .. }) => drop(pieces.remove(inner - 1)),
+                Err(error) => return Err(error),
+            }
+        };
+        let error = of_pieces / moments.volume() - 1.0;
+        let mut body = Self::seen_from(&moments.principal(), pieces, error);
+        body.0.far = body.distance_to(surface);
+        Ok(body)
+    }
+
+    fn check(pieces: &[Piece]) -> Result<(), UnionError> {
+        match pieces.len() {
+            0 => Err(UnionError::Empty),
+            count if count > Self::MOST => Err(UnionError::TooMany { count }),
+            _ => Ok(()),
+        }
+    }
+
+    fn seen_from(principal: &Principal, mut pieces: Vec<Piece>, error: f64) -> Self {
         let placement = principal.placement;
         for piece in &mut pieces {
             let seen = piece.centre - placement.centre;
@@ -143,7 +175,16 @@ impl Union {
         let bounding_radius = pieces.iter().map(reach).fold(0.0, f64::max);
         let oneness = oneness(&pieces);
         let (volume, gyration) = (principal.volume, principal.gyration);
-        Ok(Self(Stored { pieces, volume, gyration, bounding_radius, placement, error, oneness }))
+        Self(Stored {
+            pieces,
+            volume,
+            gyration,
+            bounding_radius,
+            placement,
+            error,
+            far: 0.0,
+            oneness,
+        })
     }
 
     /// Its pieces, in its axes.
@@ -151,9 +192,36 @@ impl Union {
         &self.0.pieces
     }
 
-    /// By how much the volume may be wrong, relative; 0 where it is exact but for rounding.
+    /// By how much the volume may be wrong, relative; 0 where it is exact but for rounding. Of a body that stands for a surface: by how much the volume of
+    /// its pieces is larger.
     pub const fn error(&self) -> f64 {
         self.0.error
+    }
+
+    /// How far pieces are from the surface for which they stand, at most [m]; 0 if there is none.
+    pub const fn far(&self) -> f64 {
+        self.0.far
+    }
+
+    /// How far pieces with faces are from a surface, given in the axes of the file, at most, at the corners, the middles of sides and the middles of its
+    /// triangles [m].
+    fn distance_to(&self, surface: &[[Vec3; 3]]) -> f64 {
+        let Placement { centre, axes } = self.0.placement;
+        let points = surface.iter().flat_map(|[a, b, c]| {
+            [*a, *b, *c, (a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5, (a + b + c) / 3.0]
+        });
+        let far = |point: Vec3| self.depth(&axes.inverse_transform_vector(&(point - centre))).abs();
+        points.map(far).fold(0.0, f64::max)
+    }
+
+    /// How deep a point lies in the deepest piece with faces, negative outside of all [m].
+    fn depth(&self, point: &Vec3) -> f64 {
+        let depth = |piece: &Piece| {
+            let own = piece.rotation.inverse_transform_vector(&(point - piece.centre));
+            let planes = piece.shape.facets().into_iter().flat_map(Facets::planes);
+            planes.map(|plane| plane.offset - plane.normal.dot(&own)).fold(f64::INFINITY, f64::min)
+        };
+        self.0.pieces.iter().map(depth).fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// How far two of its pieces are one place, from 0 to 1.

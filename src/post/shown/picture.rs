@@ -17,7 +17,7 @@ use crate::output::header::Header;
 use crate::output::tables::ParticleTable;
 use crate::post::PostError;
 use crate::post::region::{Bounds, Members, Turned};
-use crate::shape::Core;
+use crate::shape::{Core, Shape};
 use nalgebra::{Matrix2, Vector2};
 use std::cmp::Ordering;
 use std::fmt::Write;
@@ -185,8 +185,17 @@ impl Picture {
         Ok(())
     }
 
-    /// Adds a body with its centre there [m] and so many contacts.
+    /// Adds a body with its centre there [m] and so many contacts; of a union each piece.
     pub fn push(&mut self, id: GlobalId, centre: &Vec3, body: &Posed, contacts: i32) {
+        if let Shape::Union(union) = body.shape {
+            for piece in union.pieces() {
+                let frame = body.frame * piece.rotation.to_rotation_matrix().into_inner();
+                let at = centre + body.frame * piece.centre * body.scale;
+                let piece = Posed { scale: body.scale, ..Posed::new(&piece.shape, &frame) };
+                self.push(id, &at, &piece, contacts);
+            }
+            return;
+        }
         let depth = Depth(centre.y, id);
         if self.left_out.is_some_and(|other| depth.nearer(&other).is_gt()) {
             return;

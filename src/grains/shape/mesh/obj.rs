@@ -1,15 +1,17 @@
 //! OBJ: corners and faces, of all that it may have.
 
-use super::{MeshError, fan, malformed, three};
+use super::{Group, MeshError, fan, malformed, three};
 use crate::math::Vec3;
 use crate::text;
 use std::borrow::Cow;
 
-pub(super) fn triangles(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, MeshError> {
+/// Those of each object or group.
+pub(super) fn groups(bytes: &[u8]) -> Result<Vec<Group>, MeshError> {
     let text = text::lossy(bytes);
     let mut corners: Vec<Vec3> = Vec::new();
-    // Indices of corners, which may come later, and the line.
-    let mut faces: Vec<(usize, Vec<usize>)> = Vec::new();
+    // Indices of corners, which may come later, the line, and the group.
+    let mut faces: Vec<(usize, Vec<usize>, usize)> = Vec::new();
+    let mut groups: Vec<Group> = vec![(String::new(), Vec::new())];
     let mut lines = (1..).zip(text.lines());
     while let Some((line, text)) = lines.next() {
         let mut text = Cow::Borrowed(text);
@@ -22,13 +24,14 @@ pub(super) fn triangles(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, MeshError> {
             Some("f") => {
                 let index = |word| index(word, corners.len(), line);
                 let words = words.take_while(|word| !word.starts_with('#'));
-                faces.push((line, words.map(index).collect::<Result<_, _>>()?));
+                let corners = words.map(index).collect::<Result<_, _>>()?;
+                faces.push((line, corners, groups.len() - 1));
             }
+            Some("o" | "g") => groups.push((words.collect::<Vec<_>>().join(" "), Vec::new())),
             _ => {}
         }
     }
-    let mut triangles = Vec::new();
-    for (line, face) in faces {
+    for (line, face, group) in faces {
         let corner = |&k: &usize| {
             corners.get(k).copied().ok_or_else(|| {
                 malformed(
@@ -38,9 +41,9 @@ pub(super) fn triangles(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, MeshError> {
             })
         };
         let face: Vec<Vec3> = face.iter().map(corner).collect::<Result<_, _>>()?;
-        triangles.extend(fan(&face, line)?);
+        groups[group].1.extend(fan(&face, line)?);
     }
-    Ok(triangles)
+    Ok(groups)
 }
 
 /// The corner, from 0, of a word as `7`, `-1` (the last before this line) or `7/2/5`.

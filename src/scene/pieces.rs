@@ -1,0 +1,200 @@
+//! Unions: from the file as written to convex pieces.
+//!
+//! | given | pieces |
+//! |---|---|
+//! | `pieces = [{ shape, at, turn }, ...]` | other shapes of the scene |
+//! | `file` in `.obj` with several groups, or several files | each group or file, closed and convex |
+//! | `file` in `.obj` or `.stl` and a number of `pieces` | a closed mesh of any form, cut by V-HACD (Mamou 2016, as in `parry3d`) |
+//! | any other `file` | balls, a line `x y z r` each |
+
+use super::reader::{Given, Section};
+use crate::math::{Quat, Vec3, rotation_about};
+use crate::shape::mesh::{self, MeshError};
+use crate::shape::moments::{Moments, Placement};
+use crate::shape::union::Piece;
+use crate::shape::{Convex as _, Polyhedron, Shape, Sphere, Union};
+use crate::text;
+use parry3d_f64::math::Vector;
+use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
+use std::path::Path;
+
+/// By default the pieces of a mesh are as near to it as this part of its size.
+const TOLERANCE: f64 = 0.05;
+
+/// A turn by an angle about an axis through the origin.
+pub(super) fn turn(given: &Given) -> Option<Quat> {
+    let section = given.section()?;
+    let axis = section.require("axis").and_then(|given| given.direction());
+    let angle = section.number("angle");
+    Some(rotation_about(&axis?, angle?.to_radians()))
+}
+
+/// The union that a section means. `find` knows shapes by their names; paths are relative to the folder.
+pub(super) fn union(
+    section: &Section,
+    find: impl Fn(&Given) -> Option<Shape>,
+    folder: &Path,
+) -> Option<Shape> {
+    let scale = section.number_or("scale", 1.0);
+    let tolerance = section.number_or("tolerance", TOLERANCE);
+    let pieces = match (section.get("file"), section.get("pieces")) {
+        (None, Some(pieces)) if pieces.as_number().is_none() => {
+            for of_files in ["scale", "tolerance"] {
+                section.refuse(of_files, "is of a `file`");
+            }
+            let all: Vec<_> = pieces.list()?.iter().map(|given| piece(given, &find)).collect();
+            all.into_iter().collect::<Option<Vec<Piece>>>()?
+        }
+        (Some(file), None) => {
+            section.refuse("tolerance", "is of a mesh that is cut into `pieces`");
+            of_files(&file, folder, scale?)?
+        }
+        (Some(file), Some(count)) => {
+            return cut(&file, folder, scale?, count.whole()? as u32, tolerance?);
+        }
+        _ => {
+            section.fail(
+                "give `pieces` = [{ shape = \"...\", at = [x, y, z] }, ...], or `file`: an OBJ of convex groups, balls as lines x y z r, or a \
+                 closed mesh with the number of `pieces` into which it is cut",
+            );
+            return None;
+        }
+    };
+    let body = Union::new(pieces).map_err(|error| section.fail(error)).ok()?;
+    Some(Shape::Union(Box::new(body)))
+}
+
+/// A shape of the scene, placed in the axes in which it is written.
+fn piece(given: &Given, find: impl Fn(&Given) -> Option<Shape>) -> Option<Piece> {
+    let section = given.section()?;
+    let shape = section.require("shape").and_then(|given| find(&given));
+    let at = section.vector_or("at", Vec3::zeros());
+    let turn = section.read_or("turn", Quat::identity(), turn);
+    let (shape, at, turn) = (shape?, at?, turn?);
+    Some(placed(shape, &at, &turn))
+}
+
+/// A shape whose own axes stand so.
+fn placed(shape: Shape, at: &Vec3, turn: &Quat) -> Piece {
+    let upright = Placement { centre: Vec3::zeros(), axes: Quat::identity() };
+    let own = shape.placement().copied().unwrap_or(upright);
+    Piece { shape, centre: at + turn * own.centre, rotation: turn * own.axes }
+}
+
+/// The pieces that a file, or several, has.
+fn of_files(given: &Given, folder: &Path, scale: f64) -> Option<Vec<Piece>> {
+    let names = match given.text() {
+        Some(name) => vec![name],
+        None => given.list()?.iter().map(Given::text).collect::<Option<_>>()?,
+    };
+    let mut pieces = Vec::new();
+    for path in names.into_iter().map(|name| folder.join(name)) {
+        let is_mesh = ["stl", "obj"].iter().any(|ending| mesh::has_ending(&path, ending));
+        let of_file = if is_mesh { groups(&path, scale) } else { balls(&path, scale) };
+        pieces.extend(of_file.map_err(|error| given.fail(error)).ok()?);
+    }
+    Some(pieces)
+}
+
+/// Each group of a mesh.
+fn groups(path: &Path, scale: f64) -> Result<Vec<Piece>, String> {
+    let groups = mesh::groups(path).map_err(|error| error.to_string())?;
+    let count = groups.len();
+    let piece = |(name, triangles): (String, Vec<[Vec3; 3]>)| {
+        let body = mesh::convex(triangles, scale)
+            .and_then(|corners| Polyhedron::new(&corners).map_err(MeshError::from));
+        let told = |error: MeshError| match (count, error) {
+            (1, error @ (MeshError::Dented { .. } | MeshError::Open { .. })) => {
+                format!("{error}; or cut it: give the number of `pieces`, as pieces = 16")
+            }
+            (1, error) => error.to_string(),
+            (_, error) => format!("group {}: {error}", text::shown(&name)),
+        };
+        let body = body.map_err(told)?;
+        Ok(placed(Shape::Polyhedron(Box::new(body)), &Vec3::zeros(), &Quat::identity()))
+    };
+    groups.into_iter().map(piece).collect()
+}
+
+/// Balls, a line each: centre and radius, between blanks or commas. Empty lines and what follows `#` are left out, and so is a first line of words.
+fn balls(path: &Path, scale: f64) -> Result<Vec<Piece>, String> {
+    let text = text::read(path).map_err(|error| error.to_string())?;
+    let mut pieces = Vec::new();
+    for (number, line) in (1..).zip(text.lines()) {
+        let line = line.split('#').next().unwrap_or_default();
+        let words: Vec<&str> =
+            line.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty()).collect();
+        let numbers: Vec<Option<f64>> =
+            words.iter().map(|word| word.parse().ok().filter(|x: &f64| x.is_finite())).collect();
+        match numbers[..] {
+            [] => {}
+            [Some(x), Some(y), Some(z), Some(r), ..] if r > 0.0 => {
+                let ball = Shape::Sphere(Sphere { radius: r * scale });
+                pieces.push(placed(ball, &(Vec3::new(x, y, z) * scale), &Quat::identity()));
+            }
+            [None, ..] if pieces.is_empty() => {}
+            _ => {
+                return Err(format!(
+                    "line {number}: `{}` is no ball: centre and radius are needed, x y z r, r greater than 0",
+                    text::shown(line.trim())
+                ));
+            }
+        }
+    }
+    Ok(pieces)
+}
+
+/// Cells along the longest side of a mesh by which it is cut.
+const RESOLUTION: u32 = 64;
+/// How much of its volume a part may lack to its hull, before it is cut again.
+const CONCAVITY: f64 = 0.001;
+
+/// A closed mesh of any form, cut into so many pieces at most. Volume, centre and moments of inertia are the mesh's.
+fn cut(given: &Given, folder: &Path, scale: f64, count: u32, tolerance: f64) -> Option<Shape> {
+    let path = folder.join(given.text()?);
+    let mut triangles = mesh::triangles(&path).map_err(|error| given.fail(error)).ok()?;
+    triangles.iter_mut().flatten().for_each(|corner| *corner *= scale);
+    let (corners, faces) = mesh::welded(&triangles);
+    if let Some(open) = mesh::open_edge(&faces) {
+        let at = corners[open as usize];
+        given.fail(format!(
+            "is not closed: an edge at ({:e}, {:e}, {:e}) m has no triangle on its other side; close its holes, and let all triangles face outwards",
+            at.x, at.y, at.z
+        ));
+        return None;
+    }
+    if Moments::of_surface(&triangles).volume() <= 0.0 {
+        given.fail("holds no volume: let its triangles face outwards");
+        return None;
+    }
+    let parameters = VHACDParameters {
+        resolution: RESOLUTION,
+        concavity: CONCAVITY,
+        max_convex_hulls: count,
+        ..VHACDParameters::default()
+    };
+    let points: Vec<Vector> = corners.iter().map(|at| Vector::new(at.x, at.y, at.z)).collect();
+    let parts = VHACD::decompose(&parameters, &points, &faces, true);
+    let hulls = parts.compute_exact_convex_hulls(&points, &faces);
+    let mut pieces = Vec::new();
+    for (hull, _) in hulls {
+        let corners: Vec<Vec3> = hull.iter().map(|at| Vec3::new(at.x, at.y, at.z)).collect();
+        // A part without a volume adds nothing.
+        if let Ok(body) = Polyhedron::around(&corners) {
+            let shape = Shape::Polyhedron(Box::new(body));
+            pieces.push(placed(shape, &Vec3::zeros(), &Quat::identity()));
+        }
+    }
+    let body = Union::in_surface(pieces, &triangles).map_err(|error| given.fail(error)).ok()?;
+    let (size, far) = (body.bounding_radius(), body.far());
+    if far > tolerance * size {
+        given.fail(format!(
+            "{} pieces are up to {far:.3e} m ({:.1} % of its radius) from the mesh, more than `tolerance` = {tolerance}: take more `pieces`, or \
+             another tolerance",
+            body.pieces().len(),
+            100.0 * far / size
+        ));
+        return None;
+    }
+    Some(Shape::Union(Box::new(body)))
+}
