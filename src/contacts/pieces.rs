@@ -7,7 +7,8 @@
 //! have too much damping ([`shares`]).
 
 use crate::contact::{
-    Geometry, Pair, PairOfPieces, Patch, Touching, contact_of, thickness_of_pieces,
+    Geometry, OfPieces, Pair, PairOfPieces, Patch, Touching, contact_of, thickness_of_pieces,
+    thickness_of_pieces_on_surface,
 };
 use crate::ids::Slot;
 use crate::math::{Mat3, Vec3};
@@ -48,19 +49,31 @@ fn by_bodies(
 
 /// Lets what is one place have one contact.
 pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
-    let pair = |row: usize| pairs[touching.pair[row] as usize];
-    let rows = (0..touching.len()).map(|row| (row, pair(row)));
+    let of_rows: Vec<Pair> = touching.pair.iter().map(|&pair| pairs[pair as usize]).collect();
+    let rows = of_rows.iter().copied().enumerate();
     let mut stays = vec![true; touching.len()];
-    for mut rows in by_bodies(rows, particles, |slot| slot) {
+    for mut rows in by_bodies(rows, particles, |slot| wall_or(slot, particles)) {
         rows.sort_unstable_by_key(|&row| touching.pair[row]);
-        let (with_faces, others): (Vec<usize>, Vec<usize>) = rows
-            .into_iter()
-            .partition(|&row| have_faces(pairs[touching.pair[row] as usize], particles));
-        if with_faces.len() > 1 {
-            put_together(&with_faces, touching, pairs, &mut stays, particles);
+        let is_on_plane =
+            |pair: Pair| matches!(particles.bodies().shape_of(pair.b), Shape::HalfSpace(_));
+        // Planes of one wall are bodies of their own.
+        let mut of_planes: BTreeMap<Slot, Vec<usize>> = BTreeMap::new();
+        let (mut with_faces, mut others) = (Vec::new(), Vec::new());
+        for row in rows {
+            let pair = of_rows[row];
+            if !have_faces(pair, particles) {
+                others.push(row);
+            } else if is_on_plane(pair) {
+                of_planes.entry(pair.b).or_default().push(row);
+            } else {
+                with_faces.push(row);
+            }
+        }
+        for rows in of_planes.into_values().chain([with_faces]).filter(|rows| rows.len() > 1) {
+            put_together(&rows, touching, &of_rows, &mut stays, particles);
         }
         if others.len() > 1 {
-            share_depth(&others, touching, pairs, particles);
+            share_depth(&others, touching, &of_rows, particles);
         }
     }
     if stays.contains(&false) {
@@ -68,11 +81,21 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
     }
 }
 
-/// Have both faces, or one has and the other is a plane?
+/// Have both faces, or one has and the other is a plane or a surface with cells?
 fn have_faces(Pair { a, b }: Pair, particles: &Particles) -> bool {
     let bodies = particles.bodies();
     let [a, b] = [a, b].map(|slot| bodies.shape_of(slot));
-    a.kind().has_faces() && (b.kind().has_faces() || matches!(b, Shape::HalfSpace(_)))
+    a.kind().has_faces()
+        && match b {
+            Shape::HalfSpace(_) => true,
+            Shape::TriangleMesh(mesh) => mesh.has_cells(),
+            _ => b.kind().has_faces(),
+        }
+}
+
+/// The slot of a body, or what stands for that of a wall, of which all facets are one.
+fn wall_or(slot: Slot, particles: &Particles) -> Slot {
+    particles.wall_of(slot).map_or(slot, |wall| Slot(u32::MAX - wall as u32))
 }
 
 /// How far pieces of both bodies are one.
@@ -87,49 +110,71 @@ fn oneness(one: Pair, other: Pair, particles: &Particles) -> f64 {
     of(one.a, other.a) * of(one.b, other.b)
 }
 
-/// What pieces with faces of two bodies share, in as many contacts as there are places.
+/// The contacts of pieces with faces of two bodies, in as many places as there are.
 fn put_together(
     rows: &[usize],
     touching: &mut Touching,
-    pairs: &[Pair],
+    of_rows: &[Pair],
     stays: &mut [bool],
     particles: &Particles,
 ) {
     let bodies = particles.bodies();
-    let pairs: Vec<Pair> = rows.iter().map(|&row| pairs[touching.pair[row] as usize]).collect();
+    let of_rows: Vec<Pair> = rows.iter().map(|&row| of_rows[row]).collect();
+    let is_on_mesh = matches!(bodies.shape_of(of_rows[0].b), Shape::TriangleMesh(_));
+    // On a wall of triangles each piece counts once, whatever its facets.
+    let mut firsts: Vec<usize> = (0..rows.len()).collect();
+    if is_on_mesh {
+        firsts.dedup_by_key(|k| of_rows[*k].a);
+        if firsts.len() < 2 {
+            return;
+        }
+    }
+    let pairs: Vec<Pair> = firsts.iter().map(|&k| of_rows[k]).collect();
     let frames: Vec<[Mat3; 2]> = pairs.iter().map(|&pair| bodies.frames(pair)).collect();
     let origin = particles.position[particles.body_of(pairs[0].a).index()];
-    let from: Vec<Vec3> =
-        pairs.iter().map(|pair| particles.position[pair.a.index()] - origin).collect();
     let posed: Vec<PairOfPieces> = pairs
         .iter()
         .zip(&frames)
-        .zip(&from)
-        .map(|((&pair, frames), &from)| {
+        .map(|(&pair, frames)| {
             let (a, b) = bodies.posed(pair, frames);
+            let from = particles.position[pair.a.index()] - origin;
             PairOfPieces { a, b, r: bodies.relative(pair), from }
         })
         .collect();
-    let found = thickness_of_pieces(&posed, |i, j| oneness(pairs[i], pairs[j], particles));
+    let oneness = |i: usize, j: usize| oneness(pairs[i], pairs[j], particles);
+    let found = if is_on_mesh {
+        thickness_of_pieces_on_surface(&posed, oneness)
+    } else {
+        thickness_of_pieces(&posed, oneness)
+    };
     for &row in rows {
         stays[row] = false;
     }
-    for (first, thickness) in found {
-        let row = rows[first];
+    for OfPieces { pairs, thickness } in found {
+        // Several contacts of one piece with a surface go to as many of its rows.
+        let is_of = |&k: &usize| pairs.iter().any(|&of| posed_of(&firsts, k) == of);
+        let Some(k) = (0..rows.len()).filter(is_of).find(|&k| !stays[rows[k]]) else { continue };
+        let row = rows[k];
         stays[row] = true;
         let (touch, patch) = contact_of(&thickness);
+        let from = particles.position[of_rows[k].a.index()] - origin;
         touching.geometry[row] = Geometry { normal: touch.normal, overlap: touch.overlap };
-        touching.point[row] = touch.point - from[first];
+        touching.point[row] = touch.point - from;
         if let Some(of_row) = touching.patch.get_mut(row) {
             *of_row = patch;
         }
     }
 }
 
+/// Which of the pieces with these first rows has a row.
+fn posed_of(firsts: &[usize], row: usize) -> usize {
+    firsts.partition_point(|&first| first <= row) - 1
+}
+
 /// Contacts of round pieces that are one press as one, nearly as the deepest: with `W_i = Σ_j δ_j⁸` over those that are one with contact `i`, the
 /// energy of a stiffness `k` is `½ k Σ_i δ_i⁸ W_i^(-3/4)`, and forces are its gradient. Of one it is `½ k δ²`, of two equally deep ones 1.19 of that.
-fn share_depth(rows: &[usize], touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
-    let pair = |row: usize| pairs[touching.pair[row] as usize];
+fn share_depth(rows: &[usize], touching: &mut Touching, of_rows: &[Pair], particles: &Particles) {
+    let pair = |row: usize| of_rows[row];
     let deepest = rows.iter().map(|&row| touching.geometry[row].overlap).fold(0.0, f64::max);
     let eighth = |row: usize| (touching.geometry[row].overlap / deepest).powi(8);
     let with = |row: usize| {
@@ -185,12 +230,10 @@ pub(super) fn shares(
         return;
     }
     shares.resize(pairs.len(), 1.0);
-    let of_wall = |slot: Slot| {
-        let wall = particles.wall_of(slot);
-        wall.map_or(slot, |wall| Slot(u32::MAX - wall as u32))
-    };
     let gain = |row: usize| if have_faces(pairs[row], particles) { 1.0 } else { patches[row].gain };
-    for rows in by_bodies(pairs.iter().copied().enumerate(), particles, of_wall) {
+    for rows in
+        by_bodies(pairs.iter().copied().enumerate(), particles, |slot| wall_or(slot, particles))
+    {
         for &row in &rows {
             let own = &geometry[row];
             let like = |&other: &usize| {

@@ -107,7 +107,7 @@ fn contacts(a: &Placed, b: &Placed, r: &Vec3) -> Vec<Thickness> {
         let ((i, j), (m, n)) = (numbers[k], numbers[l]);
         a.oneness(i, m) * b.oneness(j, n)
     };
-    thickness_of_pieces(&pairs, oneness).into_iter().map(|(_, found)| found).collect()
+    thickness_of_pieces(&pairs, oneness).into_iter().map(|found| found.thickness).collect()
 }
 
 /// The largest difference of two contacts: thickness, force, moment and covariance, relative.

@@ -46,8 +46,8 @@ pub use fallback::Chain;
 pub use half_space::AgainstHalfSpace;
 pub use methods::{Method, needs_form, table, table_with_patches};
 pub use overlap::{
-    Overlap, OverlapWithSurface, PairOfPieces, Thickness, contact_of, thickness,
-    thickness_of_pieces, thickness_on_surface,
+    OfPieces, Overlap, OverlapWithSurface, PairOfPieces, Thickness, contact_of, thickness,
+    thickness_of_pieces, thickness_of_pieces_on_surface, thickness_on_surface,
 };
 pub use record::{ContactRecord, ContactRecords, Geometry, StateColumn};
 pub use smooth_common_normal::SmoothCommonNormal;

@@ -20,7 +20,7 @@ use sides::of_sides;
 pub use surface::{OverlapWithSurface, thickness_on_surface};
 pub use thickness::Thickness;
 use thickness::size_of_both;
-pub use unions::{PairOfPieces, thickness_of_pieces};
+pub use unions::{OfPieces, PairOfPieces, thickness_of_pieces, thickness_of_pieces_on_surface};
 
 use super::gjk::{Difference, Separation, separate};
 use super::{

@@ -119,6 +119,20 @@ pub fn thickness_on_surface(a: &Posed, b: &Posed, r: &Vec3) -> Vec<(u32, Thickne
     })
 }
 
+/// A cell by its triangle, and on which side of that it is.
+type Behind = (u32, Front);
+
+/// What a body with faces shares with each cell of a surface.
+pub(super) fn cells_of(seen: &Seen) -> Vec<(Behind, Clipped)> {
+    SCRATCH.with_borrow_mut(|scratch| {
+        scratch.spare.extend(scratch.cells.drain(..).map(|cell| cell.shared));
+        scratch.find_cells(seen);
+        let Scratch { cells, .. } = scratch;
+        cells.sort_unstable_by_key(|cell| (cell.flat, cell.triangle));
+        cells.drain(..).map(|cell| ((cell.triangle, cell.front), cell.shared)).collect()
+    })
+}
+
 impl Scratch {
     /// Finds all contacts of a body with a surface.
     fn find(&mut self, seen: &Seen) {

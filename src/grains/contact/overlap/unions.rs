@@ -1,13 +1,16 @@
-//! Bodies with faces of several pieces: what their pieces share is put together, so that a body cut in pieces has the contact of the whole.
+//! Bodies with faces of several pieces: volumes that their pieces share with others are put together, so that a body cut in pieces has the contact of the
+//! whole.
 
 use super::faces::shared;
+use super::seen::Seen;
+use super::surface::cells_of;
 use super::thickness::Thickness;
 use super::together::{Lump, thickness_of};
 use crate::contact::Posed;
 use crate::math::Vec3;
 use crate::shape::clip::Clipped;
 
-/// A piece of a body and one of another, or a half-space.
+/// A piece of a body and another body, or a piece of it, or a wall.
 #[derive(Clone, Copy, Debug)]
 pub struct PairOfPieces<'a> {
     /// That of the first body.
@@ -20,41 +23,86 @@ pub struct PairOfPieces<'a> {
     pub from: Vec3,
 }
 
-/// The contacts of two bodies, each with the number of the first of its pairs, and seen from the common origin. Two pairs are one to the part that
-/// `oneness` says; those that are one to any part, directly or by way of others, make one contact.
+/// A contact of bodies of several pieces.
+#[derive(Clone, Debug)]
+pub struct OfPieces {
+    /// The numbers of the pairs that are in it, in rising order.
+    pub pairs: Vec<usize>,
+    /// Seen from the common origin.
+    pub thickness: Thickness,
+}
+
+/// A volume that a pair shares.
+struct Cut {
+    pair: usize,
+    shared: Clipped,
+}
+
+/// The contacts of two bodies. Two pairs are one to the part that `oneness` says; those that are one to any part, directly or by way of others, make one
+/// contact.
 pub fn thickness_of_pieces(
     pairs: &[PairOfPieces],
     oneness: impl Fn(usize, usize) -> f64,
-) -> Vec<(usize, Thickness)> {
-    let cut: Vec<(usize, Clipped)> = pairs
-        .iter()
-        .enumerate()
-        .filter_map(|(k, pair)| Some((k, shared(&pair.a, &pair.b, &pair.r)?)))
-        .collect();
-    let mut group: Vec<usize> = (0..cut.len()).collect();
-    for i in 0..cut.len() {
+) -> Vec<OfPieces> {
+    let cut = |(pair, of): (usize, &PairOfPieces)| {
+        Some(Cut { pair, shared: shared(&of.a, &of.b, &of.r)? })
+    };
+    let all: Vec<Cut> = pairs.iter().enumerate().filter_map(cut).collect();
+    contacts(pairs, &all, |i, j| oneness(all[i].pair, all[j].pair))
+}
+
+/// The same of a body and a wall of triangles with cells, of one pair for each piece, whatever the facet.
+pub fn thickness_of_pieces_on_surface(
+    pairs: &[PairOfPieces],
+    oneness: impl Fn(usize, usize) -> f64,
+) -> Vec<OfPieces> {
+    let (mut all, mut cells) = (Vec::new(), Vec::new());
+    for (pair, PairOfPieces { a, b, r, .. }) in pairs.iter().enumerate() {
+        for (cell, shared) in cells_of(&Seen::of(a, b, r)) {
+            all.push(Cut { pair, shared });
+            cells.push(cell);
+        }
+    }
+    let Some(PairOfPieces { a, b, r, .. }) = pairs.first() else { return Vec::new() };
+    let mesh = Seen::of(a, b, r).mesh;
+    contacts(pairs, &all, |i, j| {
+        mesh.together(cells[i], cells[j]) * oneness(all[i].pair, all[j].pair)
+    })
+}
+
+/// Groups volumes that are one to any part.
+fn contacts(
+    pairs: &[PairOfPieces],
+    all: &[Cut],
+    oneness: impl Fn(usize, usize) -> f64,
+) -> Vec<OfPieces> {
+    let mut group: Vec<usize> = (0..all.len()).collect();
+    for i in 0..all.len() {
         for j in 0..i {
-            if oneness(cut[i].0, cut[j].0) > 0.0 {
+            if oneness(i, j) > 0.0 {
                 let (low, high) = (group[i].min(group[j]), group[i].max(group[j]));
                 group.iter_mut().filter(|of| **of == high).for_each(|of| *of = low);
             }
         }
     }
+    let lump = |&k: &usize| {
+        let Cut { pair, shared } = &all[k];
+        let PairOfPieces { a, from, .. } = &pairs[*pair];
+        vec![Lump::placed(shared, a.frame * a.scale, *from)]
+    };
     let mut found = Vec::new();
-    for first in (0..cut.len()).filter(|&k| group[k] == k) {
-        let of_group: Vec<usize> = (first..cut.len()).filter(|&k| group[k] == first).collect();
-        let lump = |&k: &usize| {
-            let (number, shared) = &cut[k];
-            let PairOfPieces { a, from, .. } = &pairs[*number];
-            vec![Lump::placed(shared, a.frame * a.scale, *from)]
-        };
-        let lumps: Vec<Vec<Lump>> = of_group.iter().map(lump).collect();
+    for first in (0..all.len()).filter(|&k| group[k] == k) {
+        let members: Vec<usize> = (first..all.len()).filter(|&k| group[k] == first).collect();
+        let lumps: Vec<Vec<Lump>> = members.iter().map(lump).collect();
         let area: Vec3 = lumps.iter().flatten().map(Lump::area).sum();
         let upright = area.try_normalize(0.0).unwrap_or_else(Vec3::z);
-        let weight = |i: usize, j: usize| oneness(cut[of_group[i]].0, cut[of_group[j]].0);
-        let size = pairs[cut[first].0].a.bounding_radius();
-        let together = thickness_of(&lumps, weight, &upright, size);
-        found.extend(together.map(|(thickness, _)| (cut[first].0, thickness)));
+        let size = pairs[all[first].pair].a.bounding_radius();
+        let weight = |i: usize, j: usize| oneness(members[i], members[j]);
+        if let Some((thickness, _)) = thickness_of(&lumps, weight, &upright, size) {
+            let mut pairs: Vec<usize> = members.iter().map(|&k| all[k].pair).collect();
+            pairs.dedup();
+            found.push(OfPieces { pairs, thickness });
+        }
     }
     found
 }
