@@ -32,7 +32,7 @@ fn reader(kind: Kind) -> Option<Reader> {
             (&["vertices", "edges", "file", "scale", "radius"], rounded_polyhedron)
         }
         // Read by `pieces::union`, which knows the other shapes.
-        Kind::Union => (&["pieces", "file", "scale", "tolerance"], |_, _| None),
+        Kind::Union => (&["pieces", "file", "files", "scale", "tolerance"], |_, _| None),
         Kind::Other | Kind::HalfSpace | Kind::TriangleMesh => return None,
     };
     Some(Reader { keys, read })

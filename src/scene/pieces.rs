@@ -3,7 +3,7 @@
 //! | given | pieces |
 //! |---|---|
 //! | `pieces = [{ shape, at, turn }, ...]` | other shapes of the scene |
-//! | `file` in `.obj` with several groups, or several files | each group or file, closed and convex |
+//! | `file` in `.obj` with several groups, or `files` | each group or file, closed and convex |
 //! | `file` in `.obj` or `.stl` and a number of `pieces` | a closed mesh of any form, cut by V-HACD (Mamou 2016, as in `parry3d`) |
 //! | any other `file` | balls, a line `x y z r` each |
 
@@ -37,25 +37,23 @@ pub(super) fn union(
 ) -> Option<Shape> {
     let scale = section.number_or("scale", 1.0);
     let tolerance = section.number_or("tolerance", TOLERANCE);
-    let pieces = match (section.get("file"), section.get("pieces")) {
-        (None, Some(pieces)) if pieces.as_number().is_none() => {
+    let pieces = match ["pieces", "file", "files"].map(|key| section.get(key)) {
+        [Some(pieces), None, None] if pieces.as_number().is_none() => {
             for of_files in ["scale", "tolerance"] {
                 section.refuse(of_files, "is of a `file`");
             }
             let all: Vec<_> = pieces.list()?.iter().map(|given| piece(given, &find)).collect();
             all.into_iter().collect::<Option<Vec<Piece>>>()?
         }
-        (Some(file), None) => {
-            section.refuse("tolerance", "is of a mesh that is cut into `pieces`");
-            of_files(&file, folder, scale?)?
-        }
-        (Some(file), Some(count)) => {
+        [Some(count), Some(file), None] => {
             return cut(&file, folder, scale?, count.whole()? as u32, tolerance?);
         }
+        [None, Some(file), None] => of_files(&[file], section, folder, scale?)?,
+        [None, None, Some(files)] => of_files(&files.list()?, section, folder, scale?)?,
         _ => {
             section.fail(
                 "give `pieces` = [{ shape = \"...\", at = [x, y, z] }, ...], or `file`: an OBJ of convex groups, balls as lines x y z r, or a \
-                 closed mesh with the number of `pieces` into which it is cut",
+                 closed mesh with the number of `pieces` into which it is cut; or `files`",
             );
             return None;
         }
@@ -81,14 +79,12 @@ fn placed(shape: Shape, at: &Vec3, turn: &Quat) -> Piece {
     Piece { shape, centre: at + turn * own.centre, rotation: turn * own.axes }
 }
 
-/// The pieces that a file, or several, has.
-fn of_files(given: &Given, folder: &Path, scale: f64) -> Option<Vec<Piece>> {
-    let names = match given.text() {
-        Some(name) => vec![name],
-        None => given.list()?.iter().map(Given::text).collect::<Option<_>>()?,
-    };
+/// The pieces that files have.
+fn of_files(all: &[Given], section: &Section, folder: &Path, scale: f64) -> Option<Vec<Piece>> {
+    section.refuse("tolerance", "is of a mesh that is cut into `pieces`");
     let mut pieces = Vec::new();
-    for path in names.into_iter().map(|name| folder.join(name)) {
+    for given in all {
+        let path = folder.join(given.text()?);
         let is_mesh = ["stl", "obj"].iter().any(|ending| mesh::has_ending(&path, ending));
         let of_file = if is_mesh { groups(&path, scale) } else { balls(&path, scale) };
         pieces.extend(of_file.map_err(|error| given.fail(error)).ok()?);

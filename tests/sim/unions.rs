@@ -61,12 +61,26 @@ fn bodies_bounce_alike_on_any_number_of_feet() {
     }
 }
 
-/// A box and the same box in eight blocks slide down a slope, tumble over and come to rest together.
+/// A box and the same box in eight blocks slide down a slope, tumble over and come to rest together: on a plane, and on one of triangles.
 #[test]
 fn a_cut_box_moves_as_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("slope.obj");
+    // As high as a plane with the normal (0.3, 0.1, 1) is.
+    let mut square = String::new();
+    for [x, y] in [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [0.013, 0.007]] {
+        writeln!(square, "v {x} {y} {}", -0.3 * x - 0.1 * y).unwrap();
+    }
+    square.push_str("f 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n");
+    std::fs::write(&file, square).unwrap();
+    moves_as_the_whole("point = [0, 0, 0]\nnormal = [0.3, 0.1, 1]");
+    moves_as_the_whole(&format!("mesh = {:?}", file.display().to_string()));
+}
+
+fn moves_as_the_whole(wall: &str) {
     let rest = |shape: &str| {
         format!(
-            "gravity = [0, 0, -9.81]\n{shape}[[wall]]\nname = \"slope\"\npoint = [0, 0, 0]\nnormal = [0.3, 0.1, 1]\n\
+            "gravity = [0, 0, -9.81]\n{shape}[[wall]]\nname = \"slope\"\n{wall}\n\
              [[material]]\nname = \"m\"\ndensity = 2500\nnormal_stiffness = 1e4\ntangential_stiffness = 7e3\nfriction = 0.4\n\
              restitution = 0.4\ntangential_damping_ratio = 0.2\n[domain]\nlow = [-1, -1, -1]\nhigh = [1, 1, 1]\n\
              [time]\nstep = 1e-5\n"
