@@ -6,9 +6,9 @@
 //! | row | modules | what they are |
 //! |---|---|---|
 //! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] [`files`] | identifiers, vectors, eight numbers at once, timing, files that others may have made |
-//! | 2 | [`text`] | text from files and to terminals |
+//! | 2 | [`text`] [`random`] | text from files and to terminals; random numbers |
 //! | 3 | [`arguments`] | what programs print about their arguments |
-//! | 4 | [`cell`] [`random`] [`shape`] [`comm`] | the box and its periods; random numbers; shapes; communication |
+//! | 4 | [`cell`] [`shape`] [`comm`] | the box and its periods; shapes; communication |
 //! | 5 | [`contact`] | from two shapes to overlap, normal and point |
 //! | 6 | [`population`] | what particles are made of, and how they are mixed |
 //! | 7 | [`walls`] | planes and surfaces of triangles, and how they move |

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 /// Modules by row, as `src/lib.rs` explains them.
 const ROWS: [&[&str]; 17] = [
     &["ids", "math", "lanes", "timing", "files"],
-    &["text"],
+    &["text", "random"],
     &["arguments"],
-    &["cell", "random", "shape", "comm"],
+    &["cell", "shape", "comm"],
     &["contact"],
     &["population"],
     &["walls"],
