@@ -174,34 +174,25 @@ fn posed_of(firsts: &[usize], row: usize) -> usize {
 /// Contacts of round pieces that are one press as one, nearly as the deepest: with `W_i = Σ_j δ_j⁸` over those that are one with contact `i`, the
 /// energy of a stiffness `k` is `½ k Σ_i δ_i⁸ W_i^(-3/4)`, and forces are its gradient. Of one it is `½ k δ²`, of two equally deep ones 1.19 of that.
 fn share_depth(rows: &[usize], touching: &mut Touching, of_rows: &[Pair], particles: &Particles) {
-    let pair = |row: usize| of_rows[row];
+    let count = rows.len();
     let deepest = rows.iter().map(|&row| touching.geometry[row].overlap).fold(0.0, f64::max);
-    let eighth = |row: usize| (touching.geometry[row].overlap / deepest).powi(8);
-    let with = |row: usize| {
-        let ones =
-            rows.iter().filter(move |&&other| oneness(pair(row), pair(other), particles) >= ONE);
-        ones.copied()
-    };
-    let sums: Vec<f64> = rows.iter().map(|&row| with(row).map(eighth).sum()).collect();
-    let sum_of = |row: usize| rows.iter().position(|&other| other == row).map_or(1.0, |k| sums[k]);
-    let found = rows.iter().zip(&sums).map(|(&row, &sum)| {
-        let part = touching.geometry[row].overlap / deepest;
-        let root = |sum: f64| (sum * sum * sum).sqrt().sqrt();
-        let thickness = part.powi(4) / root(sum).sqrt();
-        let others: f64 = with(row)
-            .map(|other| {
-                let sum = sum_of(other);
-                eighth(other) / (sum * root(sum))
-            })
-            .sum();
-        let force = 4.0 * part.powi(7) * (1.0 / root(sum) - 0.75 * others);
-        (row, thickness * deepest, force / thickness)
-    });
-    let found: Vec<(usize, f64, f64)> = found.collect();
-    for (row, overlap, gain) in found {
-        touching.geometry[row].overlap = overlap;
-        if let Some(patch) = touching.patch.get_mut(row) {
-            patch.gain = gain;
+    let parts: Vec<f64> =
+        rows.iter().map(|&row| touching.geometry[row].overlap / deepest).collect();
+    let are_one =
+        |i: usize, j: usize| oneness(of_rows[rows[i]], of_rows[rows[j]], particles) >= ONE;
+    let with: Vec<Vec<usize>> =
+        (0..count).map(|i| (0..count).filter(|&j| are_one(i, j)).collect()).collect();
+    let eighth = |i: usize| parts[i].powi(8);
+    let sums: Vec<f64> = with.iter().map(|ones| ones.iter().map(|&j| eighth(j)).sum()).collect();
+    let root = |i: usize| (sums[i] * sums[i] * sums[i]).sqrt().sqrt();
+    for i in (0..count).filter(|&i| with[i].len() > 1) {
+        let thickness = parts[i].powi(4) / root(i).sqrt();
+        let others: f64 = with[i].iter().map(|&j| eighth(j) / (sums[j] * root(j))).sum();
+        let force = 4.0 * parts[i].powi(7) * (1.0 / root(i) - 0.75 * others);
+        touching.geometry[rows[i]].overlap = thickness * deepest;
+        if let Some(patch) = touching.patch.get_mut(rows[i]) {
+            patch.gain *= force / thickness;
+            patch.lever *= force / thickness;
         }
     }
 }

@@ -344,10 +344,8 @@ fn pairs_of_materials(scene: &Scene) -> BTreeSet<(MaterialId, MaterialId)> {
 
 /// Which kinds of shapes can meet.
 fn pairs_of_kinds(scene: &Scene) -> Vec<(Kind, Kind)> {
-    let present: Vec<Kind> = Kind::ALL
-        .into_iter()
-        .filter(|kind| scene.library.shapes.iter().any(|shape| shape.kind() == *kind))
-        .collect();
+    let mut present = scene.particle_kinds();
+    present.extend(scene.facet_kinds());
     let mut pairs = Vec::new();
     for (k, &a) in present.iter().enumerate() {
         pairs.extend(present[k..].iter().map(|&b| (a, b)));
