@@ -6,6 +6,8 @@
 //! * without walls `Z = 2 N_pp / N`,
 //! * with walls `Z = (2 N_pp + N_pw) / N`: a wall contact has one particle.
 //!
+//! Particles that are held count as walls: they are none of the `N`, and contacts with them are none between particles.
+//!
 //! The mechanical coordination number (Thornton 2000, DOI 10.1680/geot.2000.50.1.43) leaves out the
 //! rattlers, which carry nothing: `Z_m = (2 N_c - N_1) / (N - N_0 - N_1)` with `N_0`, `N_1` the particles with
 //! no and with one contact. Rattlers are taken out once, not again until none is left.
@@ -18,16 +20,18 @@ use serde::{Deserialize, Serialize};
 /// Counts the contacts of each particle: eight bytes per id ever given.
 #[derive(Clone, Debug, Default)]
 pub struct CoordinationCount {
-    /// Contacts with particles and with walls, by id.
+    /// Contacts with particles, and with walls and held particles, by id.
     contacts: Vec<[u32; 2]>,
 }
 
 impl CoordinationCount {
     /// Adds these contacts.
-    pub fn add_contacts(&mut self, contacts: &ContactTable) {
+    pub fn add_contacts(&mut self, contacts: &ContactTable, members: &Members) {
         for (&a, &b) in contacts.a.iter().zip(&contacts.b) {
-            if b.wall_index().is_some() {
+            if b.wall_index().is_some() || members.is_held(b) {
                 self.of(a.0)[1] += 1;
+            } else if members.is_held(a) {
+                self.of(b.0)[1] += 1;
             } else {
                 self.of(a.0)[0] += 1;
                 self.of(b.0)[0] += 1;

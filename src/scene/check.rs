@@ -7,6 +7,7 @@ use super::before;
 use super::fills::Fills;
 use super::flows;
 use super::form;
+use super::groups;
 use super::jumps;
 use super::laws;
 use super::matter::{Materials, Shapes};
@@ -19,6 +20,7 @@ use super::{Fill, FreeWall, Inlet, Method, Outlet, Rain, Scene, Servo, Stop};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
+use crate::drive::groups::Group;
 use crate::drive::inlet::Amount;
 use crate::ids::ShapeId;
 use crate::law::Choice;
@@ -55,7 +57,11 @@ pub(super) fn scene(
     let mut bodies = Bodies::read(&root, &folder, general.gravity);
     let mut grains = Grains::read(&root, &folder, &mut bodies, general.gravity);
     let before = sizes_before(&mut bodies.shapes.library, general.start.as_ref(), need);
+    let groups = read_groups(&root, &folder, &mut bodies, &mut grains, general.gravity);
     let course = Course::read(&root, &mut bodies, general.seed, &grains);
+    if let (Some(groups), Some(time)) = (&groups, &course.time) {
+        groups::check_speeds(&root, groups, &bodies.shapes.library, time.dt);
+    }
     check_room(&root, &general, &bodies, &mut grains);
     check_together(&root, &general, &mut bodies, &course);
     if !mistakes.is_empty() {
@@ -92,6 +98,7 @@ pub(super) fn scene(
         rain,
         inlets: grains.inlets?,
         outlets: grains.outlets?,
+        groups: groups?,
         dt,
         own_step,
         steps,
@@ -200,6 +207,32 @@ impl Grains {
         limit_numbers(&mut shapes.library, fills.as_ref(), inlets.as_deref());
         Self { fills, inlets, outlets }
     }
+}
+
+/// Groups of particles. The library gets shapes for those that are held, and inlets the numbers of their groups.
+fn read_groups(
+    root: &Section,
+    folder: &Path,
+    bodies: &mut Bodies,
+    grains: &mut Grains,
+    gravity: Option<Vec3>,
+) -> Option<Vec<Group>> {
+    let Bodies { shapes, domain, walls, .. } = bodies;
+    let around = groups::Around {
+        shapes: &*shapes,
+        walls: &*walls,
+        domain: domain.as_ref(),
+        rain: grains.fills.as_ref().and_then(|(_, rain)| rain.as_ref()),
+        gravity: gravity.unwrap_or_else(Vec3::zeros),
+        folder,
+    };
+    let all = groups::read(root, &around, grains.inlets.as_deref_mut());
+    let held = all.iter().flatten().filter(|group| group.is_held());
+    let held: Vec<&Group> = held.collect();
+    if !held.is_empty() {
+        shapes.library.add_held(|shape| held.iter().any(|group| group.may_have(shape)));
+    }
+    all
 }
 
 /// Makes room in the library for the particles of a stage before. Returns its scene.

@@ -21,7 +21,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The most that a wall may move in a step, over the shortest axis of any grain.
-const LONGEST_MOVE: f64 = 0.05;
+pub(super) const LONGEST_MOVE: f64 = 0.05;
 
 /// What is wrong with a wall of this speed [m/s], if it moves too far in a step of `dt` [s].
 fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
@@ -36,7 +36,7 @@ fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
 }
 
 /// The most that a wall may move in a step [m], if one of this speed [m/s] moves farther in a step of `dt` [s].
-fn too_far(speed: f64, dt: Option<f64>, library: &Library) -> Option<f64> {
+pub(super) fn too_far(speed: f64, dt: Option<f64>, library: &Library) -> Option<f64> {
     let (dt, most) = (dt?, LONGEST_MOVE * 2.0 * library.least_inscribed_radius());
     (speed * dt > most).then_some(most)
 }
@@ -327,6 +327,16 @@ impl<'a> Walls<'a> {
     pub(super) fn count(&self) -> usize {
         let shapes = |planned: &Option<Planned>| planned.as_ref().map_or(1, |p| p.wall.shapes());
         self.all.iter().map(shapes).sum()
+    }
+
+    /// How walls and groups of particles move.
+    pub(super) const fn motions(&self) -> &Motions<'a> {
+        &self.motions
+    }
+
+    /// Is this the name of a wall?
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.names.index(name).is_some()
     }
 
     /// All that are known.
@@ -733,7 +743,7 @@ fn plane(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
 }
 
 /// The point about which a wall turns [m], and its angular velocity [rad/s].
-fn rotation(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
+pub(super) fn rotation(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
     let (about, axis) = axis_of_turn(section, domain);
     let rate = section.number("rate");
     Some((about?, axis? * rate?))

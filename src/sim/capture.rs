@@ -115,7 +115,7 @@ impl Simulation {
                 .map(|[a, b, c]| [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z])
                 .collect(),
             drives: self.saved_drives(comm),
-            shapes: (0..library.particle_shapes)
+            shapes: (0..library.own_shapes())
                 .map(|k| ShapeRow {
                     name: library.names[k].clone(),
                     kind: library.shapes[k].kind().name().to_owned(),
@@ -173,7 +173,10 @@ impl Simulation {
         let owned = 0..particles.owned;
         let mut table = ParticleTable {
             id: particles.id[owned.clone()].to_vec(),
-            shape: particles.shape[owned.clone()].to_vec(),
+            shape: (particles.shape[owned.clone()].iter())
+                .map(|&shape| particles.library.free(shape))
+                .collect(),
+            group: particles.group.clone(),
             scale: particles.scale.get(owned.clone()).unwrap_or_default().to_vec(),
             position: particles.position[owned.clone()].to_vec(),
             velocity: particles.velocity[owned.clone()].to_vec(),
@@ -313,6 +316,7 @@ pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId
             id: table.id[row],
             shape: shape_of(table.shape[row]),
             scale: table.scale_of(row),
+            group: table.group.get(row).copied().unwrap_or_default(),
             position: table.position[row],
             velocity: table.velocity[row],
             force: table.force[row],

@@ -38,6 +38,8 @@ pub struct Library {
     pub most: Vec<f64>,
     /// How many of them belong to particles; the rest are facets of walls.
     pub particle_shapes: usize,
+    /// How many of those are of held particles: the last, copies of the others in their order ([`Library::add_held`]).
+    pub held_shapes: usize,
 }
 
 /// Mass over that of the shape, at a scale.
@@ -90,6 +92,59 @@ impl Library {
     pub fn admit(&mut self, shape: ShapeId, scale: f64) {
         let [least, largest] = &mut self.scales[shape.index()];
         (*least, *largest) = (least.min(scale), largest.max(scale));
+        if self.held_shapes > 0 {
+            let held = self.held(shape).index();
+            self.scales[held] = self.scales[shape.index()];
+        }
+    }
+
+    /// Gives each shape a copy for particles that are held. A contact with one of those is one with a body of infinite mass.
+    /// `may_be_held` says which shapes have such particles. Walls must not be there yet.
+    pub fn add_held(&mut self, may_be_held: impl Fn(ShapeId) -> bool) {
+        let own = self.particle_shapes;
+        self.shapes.extend_from_within(..own);
+        self.names.extend_from_within(..own);
+        self.materials.extend_from_within(..own);
+        self.radius.extend_from_within(..own);
+        self.curvature_radius.extend_from_within(..own);
+        self.mass.extend_from_within(..own);
+        self.inertia.extend_from_within(..own);
+        self.sizes.extend_from_within(..own);
+        self.scales.extend_from_within(..own);
+        self.most.extend_from_within(..own);
+        for shape in (0..own).filter(|&shape| !may_be_held(ShapeId(shape as u16))) {
+            self.most[own + shape] = 0.0;
+        }
+        (self.particle_shapes, self.held_shapes) = (2 * own, own);
+    }
+
+    /// How many shapes of particles the scene has.
+    pub const fn own_shapes(&self) -> usize {
+        self.particle_shapes - self.held_shapes
+    }
+
+    /// Is it the shape of held particles?
+    #[inline]
+    pub const fn is_held(&self, shape: ShapeId) -> bool {
+        let index = shape.0 as usize;
+        index < self.particle_shapes && index + self.held_shapes >= self.particle_shapes
+    }
+
+    /// The shape of particles that are held, of a shape of the scene.
+    pub const fn held(&self, shape: ShapeId) -> ShapeId {
+        ShapeId(shape.0 + self.held_shapes as u16)
+    }
+
+    /// The shape of the scene, of one that may be that of held particles.
+    #[inline]
+    pub const fn free(&self, shape: ShapeId) -> ShapeId {
+        if self.is_held(shape) { ShapeId(shape.0 - self.held_shapes as u16) } else { shape }
+    }
+
+    /// Mass of a particle as its contacts feel it: infinite if it is held [kg].
+    #[inline]
+    pub fn mass_in_contacts(&self, shape: ShapeId, scale: f64) -> f64 {
+        if self.is_held(shape) { f64::INFINITY } else { self.mass_at(shape, scale) }
     }
 
     /// May a particle have another size than its shape?
