@@ -245,9 +245,8 @@ pub fn measure(
         of_motion: totals.stress(1, &particles.cell),
     });
     let groups = particles.groups.len();
-    let of_groups = |first: usize| {
-        totals.of_walls(totals.groups.map(|all| all + 3 * first), groups)
-    };
+    let of_groups =
+        |first: usize| totals.of_walls(totals.groups.map(|all| all + 3 * first), groups);
     let (group_forces, group_torques) = (of_groups(0), of_groups(groups));
     Measures { bulk, group_forces, group_torques, ..totals.measures(walls) }
 }

@@ -4,9 +4,9 @@
 use super::check::check_particles;
 use super::sums::quotient;
 use super::{PostError, pieces};
-use crate::drive::groups;
 use crate::cell::{AXES, Shear};
 use crate::contact::Posed;
+use crate::drive::groups;
 use crate::ids::GlobalId;
 use crate::math::{ExactSum, Mat3, Quat, Vec3};
 use crate::output::header::{Header, WallRow};

@@ -24,9 +24,9 @@ use crate::motion::Field;
 use crate::output::SnapshotError;
 use crate::output::header::{Header, ShapeRow, WallRow};
 use crate::output::snapshot::Reader;
-use crate::particles::{Group, Particles};
 use crate::particles::columns::Accumulated;
 use crate::particles::records::Particle;
+use crate::particles::{Group, Particles};
 use crate::population::Library;
 use crate::search::PairList;
 use crate::sim::{Simulation, audit::Auditor, capture, watch::Watch};
@@ -326,6 +326,14 @@ pub fn take_up(
     }
     sim.particles.cell = sheared_on(scene, &header, reader.path())?;
     let mut library = sim.particles.library.clone();
+    for particle in &mut particles {
+        match continuation {
+            Continuation::NewStage => {
+                groups::join(&scene.groups, particle, &library, &scene.domain);
+            }
+            Continuation::SameStage => groups::take_shape(&scene.groups, particle, &library),
+        }
+    }
     if continuation == Continuation::SameStage {
         admit_saved(&mut library, &header);
     }
@@ -341,9 +349,6 @@ pub fn take_up(
             if header.dt != sim.dt {
                 sim.stage_shift += steps * (header.dt - sim.dt);
             }
-            for particle in &mut particles {
-                groups::take_shape(&scene.groups, particle, &sim.particles.library);
-            }
             if scene.groups.is_empty() && header.drives.iter().any(|s| s.drive == groups::NAME) {
                 let (path, error) = (reader.path().to_owned(), groups::other_groups("some"));
                 return Err(StartError::Drive { path, error });
@@ -357,7 +362,6 @@ pub fn take_up(
                 particle.accumulated = Accumulated::default();
                 let [before, now] = flows.map(|cell| cell.flow_at(&particle.position));
                 particle.velocity += now - before;
-                groups::join(&scene.groups, particle, &sim.particles.library, &scene.domain);
             }
         }
     }

@@ -20,7 +20,7 @@ use super::{Fill, FreeWall, Inlet, Method, Outlet, Rain, Scene, Servo, Stop};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
-use crate::drive::groups::Group;
+use crate::drive::groups::{Group, held_of};
 use crate::drive::inlet::Amount;
 use crate::ids::ShapeId;
 use crate::law::Choice;
@@ -194,7 +194,8 @@ impl Grains {
     fn read(root: &Section, folder: &Path, bodies: &mut Bodies, gravity: Option<Vec3>) -> Self {
         let Bodies { shapes, domain, .. } = bodies;
         let (domain, gravity) = (domain.as_ref(), gravity.unwrap_or_else(Vec3::zeros));
-        let fills = Fills { shapes: &*shapes, domain, gravity, folder };
+        let any_held = groups::any_held(root);
+        let fills = Fills { shapes: &*shapes, domain, gravity, folder, any_held };
         let inlets = flows::inlets(root, &fills);
         let fills = fills.read(root);
         let outlets = flows::outlets(root, domain);
@@ -227,10 +228,10 @@ fn read_groups(
         folder,
     };
     let all = groups::read(root, &around, grains.inlets.as_deref_mut());
-    let held = all.iter().flatten().filter(|group| group.is_held());
-    let held: Vec<&Group> = held.collect();
-    if !held.is_empty() {
-        shapes.library.add_held(|shape| held.iter().any(|group| group.may_have(shape)));
+    if let Some(all) = all.as_deref()
+        && all.iter().any(Group::is_held)
+    {
+        shapes.library.add_held(|shape| held_of(all, shape));
     }
     all
 }

@@ -29,6 +29,13 @@ pub(super) struct Around<'a, 'b> {
     pub(super) folder: &'a Path,
 }
 
+/// Is any group held?
+pub(super) fn any_held(root: &Section) -> bool {
+    let says = |section: &Section, keys: &[&str]| keys.iter().any(|key| section.get(key).is_some());
+    root.sections("group").iter().any(|group| says(group, &["fixed", "velocity", "rotation"]))
+        || root.sections("motion").iter().any(|motion| says(motion, &["groups"]))
+}
+
 /// All `[[group]]`. Inlets get the numbers of those that name them.
 pub(super) fn read(
     root: &Section,
@@ -44,7 +51,9 @@ pub(super) fn read(
         if around.walls.has(&name)
             && let Some(given) = section.get("name")
         {
-            given.fail("a wall has this name, and forces on both are in `history.csv`; take another");
+            given.fail(
+                "a wall has this name, and forces on both are in `history.csv`; take another",
+            );
         }
         let inlets = inlets.as_deref_mut().unwrap_or_default();
         let who = who(section, around, inlets, names.all.len());
@@ -82,7 +91,10 @@ fn who(section: &Section, around: &Around, inlets: &mut [Inlet], number: usize) 
     let by_inlet = section.get("inlets");
     if let Some(given) = &by_inlet {
         for key in ["shapes", "region", "ids"] {
-            section.refuse(key, "stands beside `inlets`; a group has the particles of inlets, or others");
+            section.refuse(
+                key,
+                "stands beside `inlets`; a group has the particles of inlets, or others",
+            );
         }
         for item in given.list().unwrap_or_default() {
             let Some(name) = item.text() else { continue };

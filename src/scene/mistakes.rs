@@ -139,7 +139,8 @@ const NOT_THERE: [(&str, &str, &str); 29] = [
 ];
 
 const CLUMPS: &str = "clumps are not supported yet; instead take a `polyhedron`, a `rounded-polyhedron` or a `superellipsoid`";
-const HELD: &str = "particles are held by a [[group]] that names them, with `fixed`, a `velocity` or a `rotation`";
+const HELD: &str =
+    "particles are held by a [[group]] that names them, with `fixed`, a `velocity` or a `rotation`";
 const PUSHED: &str = "particles are pushed by a [[group]] that names them, with a `force`, or led with a `velocity`; a [[wall]] with a `mesh` by a \
      [[motion]] with its `mass` and `force`";
 const DRAG: &str = "a [[group]] has the `drag` of a fluid whose velocity is given; fluids that flow by themselves are not supported";

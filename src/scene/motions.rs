@@ -69,12 +69,18 @@ impl<'a> Motions<'a> {
 
     /// The course of a group of particles, with the constant velocities that it has, and the point about which motions turn it [m], if they
     /// do.
-    pub(super) fn of_group(&self, name: &str, velocity: &Vec3, turning: &Vec3) -> (Course, Option<Vec3>) {
+    pub(super) fn of_group(
+        &self,
+        name: &str,
+        velocity: &Vec3,
+        turning: &Vec3,
+    ) -> (Course, Option<Vec3>) {
         let all = self.all.iter().flat_map(|motion| {
             let named = motion.groups.iter().filter(|(_, group)| *group == name);
             named.map(move |(given, _)| (given, motion))
         });
-        for (given, _) in all.clone().filter(|(_, motion)| matches!(motion.how, How::Freely { .. })) {
+        for (given, _) in all.clone().filter(|(_, motion)| matches!(motion.how, How::Freely { .. }))
+        {
             given.fail("a motion with a `mass` is of a wall; push a group with a `force`");
         }
         let about = all.clone().find_map(|(_, motion)| match motion.kind {
@@ -243,13 +249,18 @@ fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
 }
 
 /// The `table` of a section, with values of this column, each times a factor.
-pub(super) fn table(section: &Section, folder: &Path, (column, to_si): (&str, f64)) -> Option<Table> {
+pub(super) fn table(
+    section: &Section,
+    folder: &Path,
+    (column, to_si): (&str, f64),
+) -> Option<Table> {
     let words = [("linear", false), ("smooth", true)];
     let is_smooth = section.read_or("interpolation", false, |given| given.one_of(&words));
     let given = section.get("table")?;
     match rows(&folder.join(given.text()?), column) {
         Ok(rows) => {
-            let rows: Vec<_> = rows.into_iter().map(|(time, value)| (time, value * to_si)).collect();
+            let rows: Vec<_> =
+                rows.into_iter().map(|(time, value)| (time, value * to_si)).collect();
             Some(Table::new(&rows, is_smooth?))
         }
         Err(mistakes) => {

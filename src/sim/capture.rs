@@ -124,7 +124,7 @@ impl Simulation {
                     mass: library.mass[k],
                     inertia: library.inertia[k],
                     scales: library.scales[k],
-                    most: library.most[k],
+                    most: library.most_of(ShapeId(k as u16)),
                     geometry: Some(library.shapes[k].clone()).filter(|s| s.kind() != Kind::Other),
                 })
                 .collect(),

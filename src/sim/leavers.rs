@@ -32,7 +32,8 @@ impl Simulation {
         let owned = if looking.is_empty() { 0 } else { particles.owned };
         let reached = move |slot: &usize| {
             let position = &particles.position[*slot];
-            !particles.is_held(*slot) && looking.iter().any(|drive| drive.reaches(&moment, position, &particles.cell))
+            !particles.is_held(*slot)
+                && looking.iter().any(|drive| drive.reaches(&moment, position, &particles.cell))
         };
         let inside = (0..owned).filter(reached);
         self.domain.leavers(particles).chain(inside)

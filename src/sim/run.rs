@@ -353,7 +353,8 @@ impl<'a> Records<'a> {
         forces: &[Vec3],
     ) -> Result<(), TableError> {
         let Some(history) = &mut self.history else { return Ok(()) };
-        let own: Vec<f64> = own_columns(sim, measures).into_iter().map(|(_, number)| number).collect();
+        let own: Vec<f64> =
+            own_columns(sim, measures).into_iter().map(|(_, number)| number).collect();
         let (step, time, walls) = (sim.step, sim.time(), &*sim.particles.walls);
         history.push(&table::Row { step, time, measures, forces, walls, own: &own })
     }

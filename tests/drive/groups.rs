@@ -11,7 +11,6 @@ use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::sim::Simulation;
 use std::f64::consts::PI;
 use std::fs;
-use std::path::Path;
 
 /// An open domain.
 const OPEN: &str = "[domain]\nlow = [-10, -10, -10]\nhigh = [10, 10, 10]\n";
@@ -226,9 +225,8 @@ fn held_and_pushed_grains_have_the_same_bits_everywhere() {
             let place = (table.position[k], table.quaternion[k]);
             (table.id[k].0, table.group[k], table.shape[k].0, place)
         });
-        let mut comm = Alone::default();
-        let groups = if sim.domain.ranks() == 1 { sim.measure(&mut comm).group_forces } else { vec![] };
-        (rows.collect::<Vec<_>>(), groups)
+        // Of a run on one rank.
+        (rows.collect::<Vec<_>>(), sim.measure(&mut Alone::default()).group_forces)
     };
     let ranks = OnRanks::of(&scene);
     let (_, before) = ranks.run_and_look(1, 0, of);
@@ -387,7 +385,8 @@ fn a_group_is_free_in_the_next_stage() {
     let table = Reader::open(folder.path()).unwrap().particles(0..2).unwrap();
     assert_eq!(table.group, [1, 1]);
     let start = format!("start = {:?}", folder.path());
-    let free = scene(&text(&start, "", "[[group]]\nname = \"one\"\nids = [0]\nvelocity = [0.1, 0, 0]"));
+    let free =
+        scene(&text(&start, "", "[[group]]\nname = \"one\"\nids = [0]\nvelocity = [0.1, 0, 0]"));
     let mut sim = assemble::assemble(&free, &comm);
     assemble::take_up(&mut sim, &free, folder.path(), Continuation::NewStage, &mut comm).unwrap();
     sim.begin(&mut comm).unwrap();
@@ -401,12 +400,14 @@ fn a_group_is_free_in_the_next_stage() {
     // A stage does not go on with other groups.
     let other = scene(&text("", fill, &group.replace("all", "some")));
     let mut sim = assemble::assemble(&other, &comm);
-    let went_on = assemble::take_up(&mut sim, &other, folder.path(), Continuation::SameStage, &mut comm);
+    let went_on =
+        assemble::take_up(&mut sim, &other, folder.path(), Continuation::SameStage, &mut comm);
     let error = went_on.unwrap_err().to_string();
     assert!(error.contains("began with other groups: all"), "{error}");
     let none = scene(&text("", fill, ""));
     let mut sim = assemble::assemble(&none, &comm);
-    let went_on = assemble::take_up(&mut sim, &none, folder.path(), Continuation::SameStage, &mut comm);
+    let went_on =
+        assemble::take_up(&mut sim, &none, folder.path(), Continuation::SameStage, &mut comm);
     assert!(went_on.unwrap_err().to_string().contains("began with other groups"));
 }
 
@@ -442,7 +443,8 @@ fn a_ball_is_pulled_through_free_space() {
 #[test]
 fn a_force_follows_its_table() {
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("pull.csv"), "time_s,force_N\n0,0.1\n0.1,0.3\n0.2,-0.2\n").unwrap();
+    fs::write(folder.path().join("pull.csv"), "time_s,force_N\n0,0.1\n0.1,0.3\n0.2,-0.2\n")
+        .unwrap();
     let text = completed(&format!(
         "{OPEN}\n[[group]]\nname = \"one\"\nforce_by = {{ along = [0, 3, 0], table = \"pull.csv\" }}\n[time]\nstep = 1e-4\n"
     ));
@@ -516,7 +518,12 @@ fn terminal_velocity_of_stokes() {
         close(velocity.x, 0.1 * come, 1e-6, "that of the fluid");
         let measures = bench.measure();
         assert!(measures.missing().abs() < 1e-12 * measures.dissipated, "{:e}", measures.missing());
-        close(measures.taken_by(dem_mpi::particles::columns::Quantity::OfDamping), measures.dissipated, 1e-12, "all of it");
+        close(
+            measures.taken_by(dem_mpi::particles::columns::Quantity::OfDamping),
+            measures.dissipated,
+            1e-12,
+            "all of it",
+        );
     }
     steps(&mut bench, 30_000);
     close(bench.sim.particles.velocity[0].z, -last, 1e-12, "terminal velocity");
@@ -644,11 +651,23 @@ fn mistakes_in_groups_are_told() {
         ("fixed = true", "fixed = true\nvelocity = [0, 0, 0.1]", "stands beside a `velocity`"),
         ("fixed = true", "fixed = true\nforce = [1, 0, 0]", "these are held"),
         ("fixed = true", "velocity = [0, 0, 1e4]", "must be at most"),
-        ("fixed = true", "drag = { law = \"stokes\", viscosity = 1e5 }", "time step must be less than"),
+        (
+            "fixed = true",
+            "drag = { law = \"stokes\", viscosity = 1e5 }",
+            "time step must be less than",
+        ),
         ("fixed = true", "drag = { law = \"schiller-naumann\", viscosity = 1 }", "density"),
         ("fixed = true", "drag = { law = \"stokes\", viscosity = 1, density = 3 }", "is of `law"),
-        ("fixed = true", "[[motion]]\ngroups = [\"on\"]\nalong = [1, 0, 0]\namplitude = 1e-4\nfrequency = 1", "no such group"),
-        ("[[group]]", "[[wall]]\nname = \"one\"\npoint = [0, 0, -1]\nnormal = [0, 0, 1]\n[[group]]", "a wall has this name"),
+        (
+            "fixed = true",
+            "[[motion]]\ngroups = [\"on\"]\nalong = [1, 0, 0]\namplitude = 1e-4\nfrequency = 1",
+            "no such group",
+        ),
+        (
+            "[[group]]",
+            "[[wall]]\nname = \"one\"\npoint = [0, 0, -1]\nnormal = [0, 0, 1]\n[[group]]",
+            "a wall has this name",
+        ),
         (
             "high = [10, 10, 10]",
             "high = [10, 10, 10]\nperiodic = [true, true, true]\nshear = { along = \"x\", across = \"z\", rate = 1 }",

@@ -1004,6 +1004,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         turning: false,
         damping: true,
         adhesion: false,
+        group: true,
     };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);

@@ -25,9 +25,7 @@ pub mod push;
 pub use push::{Drag, DragLaw, Load, Push};
 
 use super::region::Region;
-use super::{
-    Acting, Drive, DriveError, Observer, Reporter, Restart, SavedColumn, Steering, View,
-};
+use super::{Acting, Drive, DriveError, Observer, Reporter, Restart, SavedColumn, Steering, View};
 use crate::cell::Cell;
 use crate::comm::Comm;
 use crate::contact::StateColumn;
@@ -152,6 +150,19 @@ impl Group {
     }
 }
 
+/// May particles of a shape be held, and are all of them?
+pub fn held_of(groups: &[Group], shape: ShapeId) -> [bool; 2] {
+    let mut naming = groups.iter().filter(|group| group.may_have(shape)).peekable();
+    let mut may_be = false;
+    while let Some(group) = naming.next_if(|group| group.is_held()) {
+        may_be = true;
+        if group.takes_newcomers() {
+            return [true, true];
+        }
+    }
+    [may_be || naming.any(Group::is_held), false]
+}
+
 /// Gives a particle with a shape of the scene the shape that it has in a group.
 pub fn take_shape(groups: &[Group], particle: &mut Particle, library: &Library) {
     let group = groups.get(usize::from(particle.group).wrapping_sub(1));
@@ -189,7 +200,10 @@ impl Groups {
     }
 
     /// Slots of the particles of this rank that belong to groups, and what is done to them.
-    fn members<'a>(&'a self, particles: &Particles) -> impl Iterator<Item = (usize, &'a What)> + use<'a> {
+    fn members<'a>(
+        &'a self,
+        particles: &Particles,
+    ) -> impl Iterator<Item = (usize, &'a What)> + use<'a> {
         let groups: Vec<(usize, usize)> = (0..particles.owned)
             .filter_map(|slot| Some((slot, particles.group_of(slot)?)))
             .collect();
@@ -319,7 +333,8 @@ impl Drive for Groups {
             match what {
                 What::Held(_) => idle.push(Idle::begin(particles, slot, field)),
                 What::Pushed(push) if !push.is_nothing() => {
-                    let acts = push.on(particles, slot, &particles.velocity[slot], moment.stage_time);
+                    let acts =
+                        push.on(particles, slot, &particles.velocity[slot], moment.stage_time);
                     let (velocity, turning) = push::after_first_kick(particles, slot, field, half);
                     acts.count_work(particles, slot, (velocity, turning), half);
                 }
@@ -363,7 +378,8 @@ impl Drive for Groups {
                 }
                 What::Pushed(push) if !push.is_nothing() => {
                     let before = particles.velocity[slot];
-                    let after = push.velocity_after(particles, slot, field, (moment.stage_time, half));
+                    let after =
+                        push.velocity_after(particles, slot, field, (moment.stage_time, half));
                     let acts = push.on(particles, slot, &after, moment.stage_time);
                     if moment.dt > 0.0 {
                         let turning = (particles.spin.as_ref())
@@ -386,8 +402,7 @@ impl Drive for Groups {
 
     fn admit(&self, newcomer: &mut Particle) {
         if newcomer.group == 0 {
-            let takes =
-                |group: &Group| group.takes_newcomers() && group.may_have(newcomer.shape);
+            let takes = |group: &Group| group.takes_newcomers() && group.may_have(newcomer.shape);
             newcomer.group = self.all.iter().position(takes).map_or(0, |k| k as u16 + 1);
         }
     }

@@ -188,7 +188,10 @@ impl Push {
                     format!("{what} [{}, {}, {}] {unit} on each", load.x, load.y, load.z)
                 }
                 Load::By(along, _) => {
-                    format!("{what} by a table along [{}, {}, {}] on each", along.x, along.y, along.z)
+                    format!(
+                        "{what} by a table along [{}, {}, {}] on each",
+                        along.x, along.y, along.z
+                    )
                 }
             })
         };
@@ -213,7 +216,13 @@ impl Push {
     }
 
     /// What acts on a particle that has this velocity [m/s] where it is, at a time of the stage [s].
-    pub(super) fn on(&self, particles: &Particles, slot: usize, velocity: &Vec3, time: f64) -> Acts {
+    pub(super) fn on(
+        &self,
+        particles: &Particles,
+        slot: usize,
+        velocity: &Vec3,
+        time: f64,
+    ) -> Acts {
         let sphere = Sphere::in_slot(particles, slot);
         let torque = self.torque.as_ref().map_or_else(Vec3::zeros, |load| load.at(time));
         let none = Vec3::zeros();

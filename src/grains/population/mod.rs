@@ -90,17 +90,28 @@ impl Library {
 
     /// Makes room for a particle of this scale.
     pub fn admit(&mut self, shape: ShapeId, scale: f64) {
-        let [least, largest] = &mut self.scales[shape.index()];
-        (*least, *largest) = (least.min(scale), largest.max(scale));
-        if self.held_shapes > 0 {
-            let held = self.held(shape).index();
-            self.scales[held] = self.scales[shape.index()];
+        let own = self.free(shape);
+        for shape in [own, self.held(own)] {
+            let [least, largest] = &mut self.scales[shape.index()];
+            (*least, *largest) = (least.min(scale), largest.max(scale));
         }
     }
 
+    /// Makes room for so many particles of a shape of the scene, or of held ones, if all of that shape are held.
+    pub fn admit_number(&mut self, shape: ShapeId, count: f64) {
+        let all_held = self.held_shapes > 0 && self.most[shape.index()] == 0.0;
+        let most = &mut self.most[if all_held { self.held(shape) } else { shape }.index()];
+        *most = most.max(count);
+    }
+
+    /// How many particles of a shape of the scene there can be, held or not.
+    pub fn most_of(&self, shape: ShapeId) -> f64 {
+        self.most[shape.index()].max(self.most[self.held(shape).index()])
+    }
+
     /// Gives each shape a copy for particles that are held. A contact with one of those is one with a body of infinite mass.
-    /// `may_be_held` says which shapes have such particles. Walls must not be there yet.
-    pub fn add_held(&mut self, may_be_held: impl Fn(ShapeId) -> bool) {
+    /// `held` says of a shape whether any of its particles may be held, and whether all are. Walls must not be there yet.
+    pub fn add_held(&mut self, held: impl Fn(ShapeId) -> [bool; 2]) {
         let own = self.particle_shapes;
         self.shapes.extend_from_within(..own);
         self.names.extend_from_within(..own);
@@ -112,8 +123,14 @@ impl Library {
         self.sizes.extend_from_within(..own);
         self.scales.extend_from_within(..own);
         self.most.extend_from_within(..own);
-        for shape in (0..own).filter(|&shape| !may_be_held(ShapeId(shape as u16))) {
-            self.most[own + shape] = 0.0;
+        for shape in 0..own {
+            let [may_be_held, all_are_held] = held(ShapeId(shape as u16));
+            if !may_be_held {
+                self.most[own + shape] = 0.0;
+            }
+            if all_are_held {
+                self.most[shape] = 0.0;
+            }
         }
         (self.particle_shapes, self.held_shapes) = (2 * own, own);
     }

@@ -227,7 +227,8 @@ pub fn drop_held(found: &mut Vec<Pair>, particles: &Particles) {
     if particles.library.held_shapes == 0 {
         return;
     }
-    let moves = |slot: Slot| slot.index() < particles.first_facet() && !particles.is_held(slot.index());
+    let moves =
+        |slot: Slot| slot.index() < particles.first_facet() && !particles.is_held(slot.index());
     found.retain(|pair| moves(pair.a) || moves(pair.b));
 }
 
