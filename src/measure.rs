@@ -33,7 +33,7 @@ pub struct Departed {
 pub struct Measures {
     /// Particles.
     pub particles: u64,
-    /// Those of them that are held. Like walls they have no energy of their own, and are no part of means over particles.
+    /// Held particles. Like walls they have no energy of their own, and are no part of means over particles.
     pub held: u64,
     /// Contacts between particles that are not held.
     pub contacts: u64,

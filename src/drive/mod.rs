@@ -192,7 +192,7 @@ pub struct Steering<'a> {
     pub walls: &'a mut [Wall],
 }
 
-/// What a drive acts on that holds or pushes particles.
+/// The particles on which a drive acts, and when.
 pub struct Acting<'a> {
     /// When. [`Moment::dt`] is 0 where forces were found at the start of a stage.
     pub moment: Moment,

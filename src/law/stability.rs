@@ -210,7 +210,7 @@ impl<'a> Pairs<'a> {
     }
 }
 
-/// Those of them that are not held: a held one has no period.
+/// Bodies that are not held. A held one has no period.
 fn moving(library: &Library) -> impl Iterator<Item = Body> + '_ {
     bodies(library).filter(|body| body.mass.is_finite())
 }

@@ -394,7 +394,7 @@ enum Membership {
     Held,
 }
 
-/// Of each group of a snapshot 1 if its particles are held.
+/// For each group of a snapshot 1 if its particles are held.
 fn held_groups(header: &Header) -> &[u64] {
     let groups = header.drives.iter().find(|saved| saved.drive == groups::NAME);
     groups.and_then(|saved| saved.counts(&groups::HELD).ok()).unwrap_or_default()

@@ -18,7 +18,7 @@ use std::path::Path;
 /// As many groups as have numbers.
 const MOST_GROUPS: usize = u16::MAX as usize;
 
-/// What else the scene has.
+/// Other parts of the scene.
 pub(super) struct Around<'a, 'b> {
     pub(super) shapes: &'a Shapes,
     pub(super) walls: &'a Walls<'b>,
@@ -76,7 +76,7 @@ pub(super) fn read(
     all.into_iter().collect()
 }
 
-/// Which particles; `number` is that of the group.
+/// The particles; `number` is that of the group.
 fn who(section: &Section, around: &Around, inlets: &mut [Inlet], number: usize) -> Option<Who> {
     let shapes = section.read_or("shapes", Vec::new(), |given| {
         let items = if given.text().is_some() { vec![given.clone()] } else { given.list()? };
@@ -85,12 +85,10 @@ fn who(section: &Section, around: &Around, inlets: &mut [Inlet], number: usize) 
         found.into_iter().map(|index| Some(ShapeId(index? as u16))).collect()
     });
     let within = section.optional("region", |given| region(&given.section()?, false));
-    let ids = section.read_or("ids", Vec::new(), |given| {
-        given.list()?.iter().map(ids).collect::<Option<Vec<_>>>()
-    });
+    let ids = ids(section);
     let by_inlet = section.get("inlets");
     if let Some(given) = &by_inlet {
-        for key in ["shapes", "region", "ids"] {
+        for key in ["shapes", "region", "ids", "id_ranges"] {
             section.refuse(
                 key,
                 "stands beside `inlets`; a group has the particles of inlets, or others",
@@ -112,20 +110,26 @@ fn who(section: &Section, around: &Around, inlets: &mut [Inlet], number: usize) 
     Some(Who { shapes: shapes?, region: within?, ids: ids?, by_inlet: by_inlet.is_some() })
 }
 
-/// An id, or the first and the last of some.
-fn ids(given: &Given) -> Option<[u64; 2]> {
-    if given.as_number().is_some() {
-        return given.whole().map(|id| [id, id]);
-    }
-    let [first, last] = given.list_of(Given::whole)?;
-    if first > last {
-        given.fail("must be [first, last]");
-        return None;
-    }
-    Some([first, last])
+/// First and last ids.
+fn ids(section: &Section) -> Option<Vec<[u64; 2]>> {
+    let single = section.read_or("ids", Vec::new(), |given| {
+        given.list()?.iter().map(|id| id.whole().map(|id| [id, id])).collect::<Option<Vec<_>>>()
+    });
+    let range = |given: &Given| {
+        let [first, last] = given.list_of(Given::whole)?;
+        if first > last {
+            given.fail("must be [first, last]");
+            return None;
+        }
+        Some([first, last])
+    };
+    let ranges = section.read_or("id_ranges", Vec::new(), |given| {
+        given.list()?.iter().map(range).collect::<Option<Vec<_>>>()
+    });
+    Some([single?, ranges?].concat())
 }
 
-/// What is done to them.
+/// Their motion.
 fn what(section: &Section, around: &Around, name: &str) -> Option<What> {
     let Around { domain, walls, .. } = around;
     let fixed = section.boolean_or("fixed", false);

@@ -133,7 +133,7 @@ pub struct Scene {
     pub inlets: Vec<Inlet>,
     /// Where particles leave.
     pub outlets: Vec<Outlet>,
-    /// Which particles are held or pushed.
+    /// Particles that are held or pushed.
     pub groups: Vec<Group>,
     /// Time step [s].
     pub dt: f64,

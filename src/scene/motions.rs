@@ -18,7 +18,7 @@ pub(super) struct Motions<'a> {
 struct Motion<'a> {
     /// Which walls, with their names.
     walls: Vec<(Given<'a>, &'a str)>,
-    /// Which groups of particles.
+    /// Groups of particles, with their names.
     groups: Vec<(Given<'a>, &'a str)>,
     kind: Kind,
     how: How,

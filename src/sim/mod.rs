@@ -241,7 +241,7 @@ impl Simulation {
         self.act_after(self.dt, act);
     }
 
-    /// The same where forces were found a time `dt` [s] after those before: 0 at the start of a stage.
+    /// Lets drives act on forces that were found a time `dt` [s] after those before: 0 at the start of a stage.
     fn act_after(&mut self, dt: f64, mut act: impl FnMut(&mut dyn Drive, Acting)) {
         if !self.particles.needs.group {
             return;

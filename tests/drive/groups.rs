@@ -37,8 +37,9 @@ fn steps(bench: &mut Bench, count: u64) {
 
 // --- held ---
 
-/// The angle [°] at which a ball leaves two fixed ones that touch, over which it rolls from rest at an angle [°].
-fn leaves_at(ratio: f64, from: f64, step: f64) -> f64 {
+/// The angle [°] at which a ball leaves two fixed ones that touch, over which it rolls from rest at 20°, with contacts of a stiffness
+/// [N/m] and a step [s].
+fn leaves_at(ratio: f64, stiffness: f64, step: f64) -> f64 {
     let small = 0.01;
     let large = ratio * small;
     let text = format!(
@@ -48,7 +49,7 @@ gravity = [0, 0, -9.81]
 [[material]]
 name = "hard"
 density = 2500
-normal_stiffness = 1e6
+normal_stiffness = {stiffness:e}
 friction = 1e4
 restitution = 0.2
 tangential_damping_ratio = 0.3
@@ -66,10 +67,11 @@ shapes = "large"
 fixed = true
 [time]
 step = {step:e}
+allow_unstable = true
 "#
     );
     let reach = ((small + large).powi(2) - large * large).sqrt();
-    let (sine, cosine) = from.to_radians().sin_cos();
+    let (sine, cosine) = 20_f64.to_radians().sin_cos();
     let mut bench = joined(
         &text,
         &[
@@ -78,30 +80,36 @@ step = {step:e}
             at(2, 1, Vec3::new(0.0, sine, cosine) * (reach * (1.0 - 1e-9)), Vec3::zeros()),
         ],
     );
-    let mut last = 0.0;
-    while bench.sim.time() < 0.5 {
+    let (mut last, mut since) = (0.0, 0);
+    // Where the normal force has become small the ball leaves and comes back for some steps.
+    while since < 100 {
         bench.step();
         let place = bench.sim.particles.position[bench.slot(2)];
-        let angle = place.y.atan2(place.z).to_degrees();
-        if bench.measure().wall_contacts > 0 {
-            last = angle;
-        } else if place.norm() > 1.02 * reach {
-            break;
+        if bench.sim.contacts.iter().next().is_some() {
+            (last, since) = (place.y.atan2(place.z).to_degrees(), 0);
+        } else {
+            since += 1;
         }
     }
     last
 }
 
 /// A ball that rolls over two fixed ones without slip leaves them where `cos θ = 2 cos θ0 / (3 + K)`, `K = 0.4 (R + r)² / ρ²`,
-/// `ρ² = (R + r)² - R²` (Vyas et al. 2025).
+/// `ρ² = (R + r)² - R²` (Vyas et al. 2025, Comput. Phys. Commun. 109524). Soft contacts leave before.
 #[test]
 fn a_ball_rolls_off_two_fixed_balls() {
     for (ratio, expected) in
         [(1.0, 57.866), (2.0, 59.655), (3.0, 61.306), (7.0, 66.465), (20.0, 75.086)]
     {
-        let off = [2e-5, 1e-5].map(|step| leaves_at(ratio, 20.0, step) - expected);
-        eprintln!("ratio {ratio}: off by {off:?} degrees");
-        assert!(off[1].abs() < 0.1, "ratio {ratio}: off by {off:?} degrees");
+        let off = |stiffness, step| f64::abs(leaves_at(ratio, stiffness, step) - expected);
+        let [soft, hard] = [off(1e5, 1.8e-5), off(1e6, 6e-6)];
+        eprintln!("ratio {ratio}: off by {soft} and {hard} degrees");
+        assert!(hard < 0.5 && hard < 0.6 * soft + 0.1, "ratio {ratio}: {soft} and {hard} degrees");
+    }
+    for (ratio, expected) in [(7.0, 66.465), (20.0, 75.086)] {
+        let [long, half] = [2e-5, 1e-5].map(|step| leaves_at(ratio, 1e6, step) - expected);
+        eprintln!("ratio {ratio}: off by {long} degrees, {half} with half the step");
+        assert!(half.abs() < 0.65 * long.abs(), "ratio {ratio}: {long} and {half} degrees");
     }
 }
 
@@ -138,8 +146,8 @@ fn a_held_particle_is_as_heavy_as_a_wall() {
     let back = on_ball.sim.particles.velocity[on_ball.slot(1)].z;
     close(back, 0.6, 2e-3, "restitution");
     let back = on_moving.sim.particles.velocity[on_moving.slot(1)].z - 0.5;
-    close(back, 0.6, 2e-3, "restitution on a moving one");
-    // What it has given is what the ball has got and lost.
+    close(back, 0.6, 5e-3, "restitution on a moving one");
+    // The ball has got or lost all that it has given.
     let measures = on_moving.measure();
     assert!(measures.missing().abs() < 1e-3 * measures.received, "{measures:?}");
 }
@@ -158,7 +166,7 @@ walls = ["-x", "+x", "-y", "+y"]
 [[material]]
 name = "m"
 density = 2500
-normal_stiffness = 1e4
+normal_stiffness = 1e3
 friction = 0.4
 restitution = 0.5
 tangential_damping_ratio = 0.2
@@ -197,7 +205,8 @@ velocity = [0, 0, -0.1]
 rotation = { about = [0.02, 0.02, 0.02], axis = [0, 0, 1], rate = 60 }
 [[group]]
 name = "floor"
-ids = [[0, 23], 24]
+ids = [24]
+id_ranges = [[0, 23]]
 fixed = true
 [[group]]
 name = "pushed"
@@ -206,16 +215,15 @@ force = [1e-3, 0, 0]
 torque = [0, 1e-6, 0]
 drag = { law = "schiller-naumann", viscosity = 1e-3, density = 1000, velocity = [0.1, 0, 0], buoyancy = true }
 [time]
-step = 1e-5
-steps = 1600
+step = 8e-6
+steps = 2000
 [neighbours]
 imbalance = 1.05
 order_every = 300
 [output]
 "#;
 
-/// The same bits on any number of ranks and over restarts; the floor stays to the last bit; the paddle goes as it is told; all work is
-/// in the balance.
+/// Ranks and restarts change no bit. The floor stays to the last bit, the paddle follows its motion, and all work is in the balance.
 #[test]
 fn held_and_pushed_grains_have_the_same_bits_everywhere() {
     let scene = scene(MIXED);
@@ -225,17 +233,17 @@ fn held_and_pushed_grains_have_the_same_bits_everywhere() {
             let place = (table.position[k], table.quaternion[k]);
             (table.id[k].0, table.group[k], table.shape[k].0, place)
         });
-        // Of a run on one rank.
+        // Right on one rank alone.
         (rows.collect::<Vec<_>>(), sim.measure(&mut Alone::default()).group_forces)
     };
     let ranks = OnRanks::of(&scene);
     let (_, before) = ranks.run_and_look(1, 0, of);
-    let (alone, after) = ranks.run_and_look(1, 1600, of);
+    let (alone, after) = ranks.run_and_look(1, 2000, of);
     let find = |rows: &[(u64, u16, u16, (Vec3, [f64; 4]))], id| {
         *rows.iter().find(|row| row.0 == id).expect("nobody leaves")
     };
     let mut counts = [0; 4];
-    let time = 1600.0 * scene.dt;
+    let time = 2000.0 * scene.dt;
     let turn = Quat::from_scaled_axis(Vec3::z() * (60.0 * time));
     for &(id, group, shape, (place, quaternion)) in &before[0].0 {
         counts[usize::from(group)] += 1;
@@ -256,10 +264,10 @@ fn held_and_pushed_grains_have_the_same_bits_everywhere() {
     let [received, missing] = ["received", "missing"].map(|name| alone.number(name));
     assert!(missing.abs() < 0.02 * received.abs(), "{missing:e} of {received:e} J");
     for ranks_there in [2, 3, 4] {
-        alone.expect(&ranks.run(ranks_there, 1600), &format!("{ranks_there} ranks"));
+        alone.expect(&ranks.run(ranks_there, 2000), &format!("{ranks_there} ranks"));
     }
     let folder = tempfile::tempdir().unwrap();
-    ranks.leaves_no_trace(&alone, 1600, &[[3, 2], [1, 4]], folder.path());
+    ranks.leaves_no_trace(&alone, 2000, &[[3, 2], [1, 4]], folder.path());
 }
 
 /// A ball on a spring between a held ball that moves and one that is fixed, which never lose touch: nothing is missing but rounding.
@@ -314,7 +322,7 @@ step = 1e-5
     assert!(worst < 1e-13, "{worst:e} J are missing");
 }
 
-/// What a group that turns gives to others is its torque times its angular velocity.
+/// A group that turns gives others its torque times its angular velocity.
 #[test]
 fn the_torque_of_a_group_is_what_it_works_with() {
     let text = r#"
@@ -482,7 +490,7 @@ count = [4, 4, 4]
 jitter = 2e-4
 [[group]]
 name = "half"
-ids = [[0, 31]]
+id_ranges = [[0, 31]]
 force = [0.02, -0.01, 0.1]
 [time]
 step = 2e-5
@@ -525,7 +533,7 @@ fn terminal_velocity_of_stokes() {
             "all of it",
         );
     }
-    steps(&mut bench, 30_000);
+    steps(&mut bench, 100_000);
     close(bench.sim.particles.velocity[0].z, -last, 1e-12, "terminal velocity");
 
     let egg = "[[shape]]\nname = \"egg\"\nkind = \"ellipsoid\"\nsemi_axes = [0.02, 0.01, 0.005]\n";
@@ -533,7 +541,7 @@ fn terminal_velocity_of_stokes() {
         "gravity = [0, 0, -9.81]\n{OPEN}\n{egg}\n[[group]]\nname = \"one\"\n{drag}\n[time]\nstep = 1e-5\n"
     );
     let mut bench = joined(&text, &[at(0, 0, Vec3::zeros(), Vec3::zeros())]);
-    steps(&mut bench, 35_000);
+    steps(&mut bench, 100_000);
     close(bench.sim.particles.velocity[0].z, -last, 1e-12, "of an egg");
 }
 
@@ -567,7 +575,7 @@ fn terminal_velocity_of_schiller_and_naumann() {
             steps(&mut bench, (0.1 / step).round() as u64);
             bench.sim.particles.position[0].z
         };
-        let [one, half, quarter] = [1e-3, 5e-4, 2.5e-4].map(way);
+        let [one, half, quarter] = [2e-4, 1e-4, 5e-5].map(way);
         let order = ((one - half) / (half - quarter)).abs().log2();
         assert!(order > 1.9, "viscosity {viscosity}: order {order}");
     }
@@ -647,7 +655,7 @@ fn mistakes_in_groups_are_told() {
     for (from, to, said) in [
         ("ids = [0]", "shapes = \"bll\"", "did you mean `ball`?"),
         ("ids = [0]", "inlets = [\"top\"]", "no such inlet"),
-        ("ids = [0]", "ids = [[3, 1]]", "must be [first, last]"),
+        ("ids = [0]", "id_ranges = [[3, 1]]", "must be [first, last]"),
         ("fixed = true", "fixed = true\nvelocity = [0, 0, 0.1]", "stands beside a `velocity`"),
         ("fixed = true", "fixed = true\nforce = [1, 0, 0]", "these are held"),
         ("fixed = true", "velocity = [0, 0, 1e4]", "must be at most"),

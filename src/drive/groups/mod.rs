@@ -54,13 +54,13 @@ pub const HELD: StateColumn = StateColumn::new("held", 1, "1");
 pub struct Group {
     /// Its name in the scene.
     pub name: String,
-    /// Which particles.
+    /// The particles.
     pub who: Who,
-    /// What is done to them.
+    /// Their motion.
     pub what: What,
 }
 
-/// Which particles a group names: those for which all holds.
+/// The particles that a group names: all of this holds for each.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Who {
     /// Shapes; any if empty.
@@ -73,7 +73,7 @@ pub struct Who {
     pub by_inlet: bool,
 }
 
-/// What is done to the particles of a group.
+/// The motion of the particles of a group.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum What {
     /// They are on a course, whatever acts on them.
@@ -125,7 +125,7 @@ impl Group {
         matches!(&self.what, What::Held(path) if path.course.turn.is_some())
     }
 
-    /// What is pushed.
+    /// The push; `None` if the group is held.
     pub const fn push(&self) -> Option<&Push> {
         if let What::Pushed(push) = &self.what { Some(push) } else { None }
     }
@@ -194,7 +194,7 @@ pub struct Groups {
 }
 
 impl Groups {
-    /// Of a stage that begins.
+    /// Groups of a stage that begins.
     pub const fn new(groups: Vec<Group>) -> Self {
         Self { all: groups, idle: Vec::new(), counted: false }
     }
@@ -250,6 +250,9 @@ impl Stride {
         let (mut velocity, turning) = self.velocities;
         let from = particles.position[slot];
         let mut way = self.shift;
+        if let Some(spin) = &mut particles.spin {
+            spin.angular_velocity[slot] = turning;
+        }
         if let Some(turn) = &self.turn {
             let arm = from - self.about;
             let swing = turn * arm - arm;
@@ -260,9 +263,6 @@ impl Stride {
         let to = from + way;
         particles.position[slot] = to;
         particles.velocity[slot] = velocity;
-        if let Some(spin) = &mut particles.spin {
-            spin.angular_velocity[slot] = turning;
-        }
         let moved = (to - from).norm();
         particles.travel[slot] += moved;
         if moved > farthest.moved.0 {
@@ -280,13 +280,19 @@ impl Stride {
         let kind = &library.shapes[shape[slot].index()];
         orientation.set(slot, quaternion, kind, scale);
         let local = quaternion.inverse_transform_vector(&turning);
-        spin.angular_momentum[slot] = quaternion * inertia.component_mul(&local);
+        let momentum = quaternion * inertia.component_mul(&local);
+        spin.angular_momentum[slot] = momentum;
         if kind.kind() != Kind::Sphere {
             let angle = turning.norm() * self.dt;
             travel[slot] += library.radius[shape[slot].index()] * scale * angle;
             if angle > farthest.turned.0 {
                 farthest.turned = (angle, slot);
             }
+        }
+        // As a new owner finds it again.
+        let turning = particles.angular_velocity_for(slot, &momentum);
+        if let Some(spin) = &mut particles.spin {
+            spin.angular_velocity[slot] = turning;
         }
     }
 }

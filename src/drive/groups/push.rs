@@ -1,4 +1,4 @@
-//! What pushes particles of a group: a force, a torque, and the drag of a fluid.
+//! Pushes on the particles of a group: a force, a torque, and the drag of a fluid.
 //!
 //! Drag is that of a sphere of the particle's volume, of diameter `d`, in a fluid of viscosity `μ` and density `ρ`, at its velocity
 //! `w` against the fluid:
@@ -19,21 +19,21 @@ use crate::walls::courses::Table;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// What pushes each particle of a group.
+/// Pushes on each particle of a group.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Push {
     /// [N]
     pub force: Option<Load>,
     /// World axes [N m].
     pub torque: Option<Load>,
-    /// Of a fluid.
+    /// Drag of a fluid.
     pub drag: Option<Drag>,
 }
 
 /// A force [N] or torque [N m].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Load {
-    /// The same at all times.
+    /// A constant.
     Constant(Vec3),
     /// Along a unit vector, by the time of the stage.
     By(Vec3, Table),
@@ -67,9 +67,9 @@ pub struct Drag {
 /// How drag goes with the velocity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DragLaw {
-    /// Of creeping flow.
+    /// Creeping flow.
     Stokes,
-    /// Of Schiller and Naumann.
+    /// Schiller and Naumann.
     SchillerNaumann,
 }
 
@@ -140,7 +140,7 @@ impl Sphere {
     }
 }
 
-/// What acts on a particle.
+/// Forces and torque on a particle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Acts {
     /// Without drag [N].
@@ -215,7 +215,7 @@ impl Push {
         self.drag.as_ref().map_or(force, |drag| force + drag.lift * sphere.volume)
     }
 
-    /// What acts on a particle that has this velocity [m/s] where it is, at a time of the stage [s].
+    /// Forces and torque on a particle that has this velocity [m/s] where it is, at a time of the stage [s].
     pub(super) fn on(
         &self,
         particles: &Particles,

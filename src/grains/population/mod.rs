@@ -100,7 +100,8 @@ impl Library {
     /// Makes room for so many particles of a shape of the scene, or of held ones, if all of that shape are held.
     pub fn admit_number(&mut self, shape: ShapeId, count: f64) {
         let all_held = self.held_shapes > 0 && self.most[shape.index()] == 0.0;
-        let most = &mut self.most[if all_held { self.held(shape) } else { shape }.index()];
+        let shape = if all_held { self.held(shape) } else { shape };
+        let most = &mut self.most[shape.index()];
         *most = most.max(count);
     }
 
