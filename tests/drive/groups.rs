@@ -1,11 +1,12 @@
 //! Groups of particles that are held or pushed, against closed forms.
 
-use crate::support::{Bench, OnRanks, close, completed, expect_refused, save, scene};
+use crate::support::{Bench, OnRanks, begun, close, completed, expect_refused, save, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::drive::groups;
 use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::particles::records::Particle;
+use dem_mpi::post;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::sim::Simulation;
@@ -383,9 +384,7 @@ fn a_group_is_free_in_the_next_stage() {
     let group = "[[group]]\nname = \"all\"\nfixed = true";
     let held = scene(&text("", fill, group));
     let mut comm = Alone::default();
-    let mut sim = assemble::assemble(&held, &comm);
-    assemble::fill(&mut sim, &held, &comm);
-    sim.begin(&mut comm).unwrap();
+    let mut sim = begun(&held, &mut comm);
     (0..100).for_each(|_| sim.step(&mut comm).unwrap());
     assert!(sim.particles.position.iter().all(|place| place.z == 1.0));
     save(&sim, folder.path(), &held, &mut comm);
@@ -417,6 +416,25 @@ fn a_group_is_free_in_the_next_stage() {
     let went_on =
         assemble::take_up(&mut sim, &none, folder.path(), Continuation::SameStage, &mut comm);
     assert!(went_on.unwrap_err().to_string().contains("began with other groups"));
+}
+
+/// Measures of a packing count held particles as walls.
+#[test]
+fn held_particles_count_as_walls_in_measures() {
+    let fill = "[[fill.lattice]]\nfirst = [0, 0, 0.2]\nspacing = 0.01999\ncount = [1, 1, 3]";
+    let group = "[[group]]\nname = \"base\"\nids = [0]\nfixed = true";
+    let scene = scene(&format!("{OPEN}\n{fill}\n{group}\n[time]\nstep = 1e-5\n"));
+    let mut comm = Alone::default();
+    let sim = begun(&scene, &mut comm);
+    let folder = tempfile::tempdir().unwrap();
+    save(&sim, folder.path(), &scene, &mut comm);
+    let reader = Reader::open(folder.path()).unwrap();
+    let found = post::analyse(&reader, "three", post::Settings::default()).unwrap().report.summary;
+    assert_eq!((found.particles, found.contacts_with_walls), (2, 1));
+    assert_eq!((found.coordination, found.coordination_with_walls), (Some(1.0), Some(1.5)));
+    close(found.contacts_between_particles, 1.0, 0.0, "contacts between particles");
+    let measures = sim.measure(&mut comm);
+    close(measures.coordination(), 1.5, 0.0, "coordination of a run");
 }
 
 // --- pushed ---
@@ -497,9 +515,7 @@ step = 2e-5
 "#;
     let scene = scene(text);
     let mut comm = Alone::default();
-    let mut sim = assemble::assemble(&scene, &comm);
-    assemble::fill(&mut sim, &scene, &comm);
-    sim.begin(&mut comm).unwrap();
+    let mut sim = begun(&scene, &mut comm);
     (0..5000).for_each(|_| sim.step(&mut comm).unwrap());
     let momentum: Vec3 =
         (0..64).map(|slot| sim.particles.velocity[slot] * sim.particles.mass(slot)).sum();
