@@ -522,6 +522,7 @@ fn check_smooth(root: &Section, library: &Library) {
         .names
         .iter()
         .zip(&library.shapes)
+        .take(library.own_shapes())
         .filter(|(_, shape)| !shape.kind().is_smooth())
         .map(|(name, shape)| format!("`{name}` ({})", shape.kind().name()))
         .collect();

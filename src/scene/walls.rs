@@ -274,7 +274,7 @@ impl<'a> Walls<'a> {
     /// Looks whether surfaces meet particles of shapes for which they have contacts, and gives those of triangles what grains with
     /// faces need.
     pub(super) fn check_surfaces(&mut self, root: &Section, library: &Library, method: &Method) {
-        let all = || library.names.iter().zip(&library.shapes);
+        let all = || library.names.iter().zip(&library.shapes).take(library.own_shapes());
         let all_names = |is: fn(Kind) -> bool| {
             let of = all().filter(|(_, shape)| is(shape.kind()));
             let name =
