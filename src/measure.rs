@@ -248,7 +248,7 @@ pub fn measure(
     let of_groups =
         |first: usize| totals.of_walls(totals.groups.map(|all| all + 3 * first), groups);
     let (group_forces, group_torques) = (of_groups(0), of_groups(groups));
-    Measures { bulk, group_forces, group_torques, ..totals.measures(walls) }
+    Measures { group_forces, group_torques, bulk, ..totals.measures(walls) }
 }
 
 /// Sums, counts and maxima of the owned particles, then of all.

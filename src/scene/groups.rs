@@ -1,6 +1,7 @@
 //! Groups of particles that are held or pushed: from the file as written to [`Group`].
 
 use super::Inlet;
+use super::Mix;
 use super::Rain;
 use super::matter::{Names, Shapes};
 use super::mistakes::suggestion;
@@ -206,7 +207,7 @@ fn check_newcomers(section: &Section, group: &Group, around: &Around, inlets: &[
         section.refuse("inlets", "insert particles, which stay or move on where they appear if they are held; push them, or leave them out");
     } else if group.takes_newcomers() {
         let mixes = inlets.iter().map(|inlet| &inlet.mix).chain(around.rain.map(|rain| &rain.mix));
-        if mixes.flat_map(|mix| mix.shapes()).any(|shape| group.may_have(shape)) {
+        if mixes.flat_map(Mix::shapes).any(|shape| group.may_have(shape)) {
             section.fail("holds particles of shapes that rain or inlets insert, which would stay or move on where they appear; name a `region` or `ids`, \
                  or give held particles a shape of their own");
         }
@@ -219,7 +220,7 @@ pub(super) fn check_speeds(root: &Section, groups: &[Group], library: &Library, 
         match &group.what {
             What::Held(path) => {
                 let (shifts, _) = path.course.fastest();
-                let speed = shifts.iter().map(|shift| shift.norm()).sum::<f64>();
+                let speed = shifts.iter().map(Vec3::norm).sum::<f64>();
                 if let Some(most) = too_far(speed, Some(dt), library) {
                     section.fail(format!(
                         "moves by up to {:.2e} m in a step, more than {} % of the shortest axis of the smallest particle; must be at most {:.2e} m/s",

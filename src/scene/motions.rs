@@ -264,7 +264,9 @@ pub(super) fn table(
             Some(Table::new(&rows, is_smooth?))
         }
         Err(mistakes) => {
-            mistakes.iter().for_each(|mistake| given.fail(mistake));
+            for mistake in &mistakes {
+                given.fail(mistake);
+            }
             None
         }
     }
