@@ -59,7 +59,7 @@ pub(super) fn scene(
     let before = sizes_before(&mut bodies.shapes.library, general.start.as_ref(), need);
     let groups = read_groups(&root, &folder, &mut bodies, &mut grains, general.gravity);
     let course = Course::read(&root, &mut bodies, general.seed, &grains);
-    if let (Some(groups), Some(time)) = (&groups, &course.time) {
+    if let (Some(groups), Some(time), true) = (&groups, &course.time, bodies.shapes.complete) {
         groups::check_speeds(&root, groups, &bodies.shapes.library, time.dt);
     }
     check_room(&root, &general, &bodies, &mut grains);
