@@ -224,6 +224,9 @@ order_every = 300
 [output]
 "#;
 
+/// Id, group, shape, and pose of a particle.
+type Row = (u64, u16, u16, (Vec3, [f64; 4]));
+
 /// Ranks and restarts change no bit. The floor stays to the last bit, the paddle follows its motion, and all work is in the balance.
 #[test]
 fn held_and_pushed_grains_have_the_same_bits_everywhere() {
@@ -240,9 +243,7 @@ fn held_and_pushed_grains_have_the_same_bits_everywhere() {
     let ranks = OnRanks::of(&scene);
     let (_, before) = ranks.run_and_look(1, 0, of);
     let (alone, after) = ranks.run_and_look(1, 2000, of);
-    let find = |rows: &[(u64, u16, u16, (Vec3, [f64; 4]))], id| {
-        *rows.iter().find(|row| row.0 == id).expect("nobody leaves")
-    };
+    let find = |rows: &[Row], id| *rows.iter().find(|row| row.0 == id).expect("nobody leaves");
     let mut counts = [0; 4];
     let time = 2000.0 * scene.dt;
     let turn = Quat::from_scaled_axis(Vec3::z() * (60.0 * time));
