@@ -33,9 +33,11 @@ pub struct Departed {
 pub struct Measures {
     /// Particles.
     pub particles: u64,
-    /// Contacts between particles.
+    /// Held particles. Like walls they have no energy of their own, and are no part of means over particles.
+    pub held: u64,
+    /// Contacts between particles that are not held.
     pub contacts: u64,
-    /// Contacts with walls.
+    /// Contacts with walls and with held particles.
     pub wall_contacts: u64,
     /// Kinetic energy of translation [J].
     pub translation: f64,
@@ -51,7 +53,8 @@ pub struct Measures {
     pub dissipated: f64,
     /// The parts of that, see [`Quantity::CHANNELS`] [J].
     pub channels: [f64; Quantity::CHANNELS.len()],
-    /// Energy that came in with particles and from moving walls so far, less what went out with particles [J].
+    /// Energy that came in with particles, from moving walls, and from groups that are moved or pushed so far, less what went out with
+    /// particles [J].
     pub received: f64,
     /// Mean normal force between particles [N].
     pub mean_normal_force: f64,
@@ -70,6 +73,10 @@ pub struct Measures {
     pub wall_torques: Vec<Vec3>,
     /// What the surfaces of belts do on the particles beside what their walls do, by wall [W]; 0 of all others.
     pub belt_powers: Vec<f64>,
+    /// Sum of the contact forces on the particles of each group [N].
+    pub group_forces: Vec<Vec3>,
+    /// Torque of the contacts on each group that turns, about its reference point [N m]; 0 of others.
+    pub group_torques: Vec<Vec3>,
     /// Of a sheared cell.
     pub bulk: Option<Bulk>,
 }
@@ -173,10 +180,11 @@ impl Measures {
 
     /// Mean number of contacts of a particle, with walls.
     pub fn coordination(&self) -> f64 {
-        if self.particles == 0 {
+        let free = self.particles - self.held;
+        if free == 0 {
             return 0.0;
         }
-        (2 * self.contacts + self.wall_contacts) as f64 / self.particles as f64
+        (2 * self.contacts + self.wall_contacts) as f64 / free as f64
     }
 }
 
@@ -222,6 +230,7 @@ pub fn measure(
     for contact in contacts.loaded(law, particles) {
         let moment =
             if particles.wall_of(contact.pair.b).is_some() { at_walls.next() } else { None };
+        totals.add_to_groups(&contact, particles);
         if !particles.is_owned(contact.pair.a) {
             continue;
         }
@@ -235,7 +244,11 @@ pub fn measure(
         of_contacts: totals.stress(0, &particles.cell),
         of_motion: totals.stress(1, &particles.cell),
     });
-    Measures { bulk, ..totals.measures(walls) }
+    let groups = particles.groups.len();
+    let of_groups =
+        |first: usize| totals.of_walls(totals.groups.map(|all| all + 3 * first), groups);
+    let (group_forces, group_torques) = (of_groups(0), of_groups(groups));
+    Measures { group_forces, group_torques, bulk, ..totals.measures(walls) }
 }
 
 /// Sums, counts and maxima of the owned particles, then of all.
@@ -243,8 +256,8 @@ struct Totals {
     sums: Vec<ExactSum>,
     /// How many terms of each sum were not finite: energies of numbers that are finite may not be.
     infinite: Vec<i64>,
-    /// Particles, contacts between particles, contacts with walls.
-    counts: [i64; 3],
+    /// Particles, contacts between particles, contacts with walls, held particles.
+    counts: [i64; 4],
     /// Overlap over the shortest axis [-], speed [m/s], height [m].
     maxima: [f64; 3],
     /// Where the sums of stresses begin, if there are any.
@@ -253,6 +266,8 @@ struct Totals {
     torques: Option<usize>,
     /// Where the sums of powers of belts begin, if there are any.
     belts: Option<usize>,
+    /// Where the sums of forces on groups, and of torques after them, begin, if there are any.
+    groups: Option<usize>,
 }
 
 impl Totals {
@@ -266,14 +281,16 @@ impl Totals {
         let stresses = more(particles.cell.shear().is_some(), 2 * COMPONENTS.len());
         let torques = more(particles.facets.any_torque, 3 * walls);
         let belts = more(particles.walls.iter().any(Wall::is_belt), walls);
+        let groups = more(!particles.groups.is_empty(), 6 * particles.groups.len());
         Self {
             sums: vec![ExactSum::default(); count],
             infinite: vec![0; count],
-            counts: [0; 3],
+            counts: [0; 4],
             maxima: [0.0, 0.0, f64::NEG_INFINITY],
             stresses,
             torques,
             belts,
+            groups,
         }
     }
 
@@ -305,12 +322,7 @@ impl Totals {
     }
 
     fn add_particle(&mut self, particles: &Particles, slot: usize, field: &Field, dt: f64) {
-        let mass = particles.mass(slot);
-        let velocity = particles.velocity[slot];
         self.counts[0] += 1;
-        self.add(Of::Resultant, field.force(particles, slot).norm());
-        self.add(Of::Translation, 0.5 * mass * velocity.norm_squared());
-        self.add(Of::Gravity, -mass * unwrapped(particles, slot).dot(&field.gravity));
         self.add(Of::Dissipated, particles.accumulated[Quantity::Dissipated][slot]);
         for (of, quantity) in (Of::FirstChannel as usize..).zip(Quantity::CHANNELS) {
             if let Some(energy) = particles.accumulated[quantity].get(slot) {
@@ -318,15 +330,49 @@ impl Totals {
             }
         }
         self.add(Of::Received, particles.accumulated[Quantity::Received][slot]);
+        let top = particles.position[slot].z + particles.radius(slot);
+        self.maxima[2] = larger_number(self.maxima[2], top);
+        if particles.is_held(slot) {
+            self.counts[3] += 1;
+            self.add_torque_on_group(particles, slot);
+            return;
+        }
+        let mass = particles.mass(slot);
+        let velocity = particles.velocity[slot];
+        self.add(Of::Resultant, field.force(particles, slot).norm());
+        self.add(Of::Translation, 0.5 * mass * velocity.norm_squared());
+        self.add(Of::Gravity, -mass * unwrapped(particles, slot).dot(&field.gravity));
         self.add(Of::Rotation, rotation(particles, slot));
         self.add(Of::StepEnergy, motion::step_energy(particles, slot, field, dt));
         if self.stresses.is_some() {
             let own = velocity - particles.cell.flow_at(&particles.position[slot]);
             self.add_stress(1, |i, j| mass * own[i] * own[j]);
         }
-        let top = particles.position[slot].z + particles.radius(slot);
         self.maxima[1] = larger_number(self.maxima[1], velocity.norm());
-        self.maxima[2] = larger_number(self.maxima[2], top);
+    }
+
+    /// Adds what contacts do to a held particle about the reference point of its group, if that turns.
+    fn add_torque_on_group(&mut self, particles: &Particles, slot: usize) {
+        let (Some(first), Some(group)) = (self.groups, particles.group_of(slot)) else { return };
+        let Some(about) = particles.groups[group].about else { return };
+        let own = particles.spin.as_ref().map_or_else(Vec3::zeros, |spin| spin.torque[slot].vector);
+        let arm = particles.position[slot] - about;
+        let torque = own + arm.cross(&particles.force[slot].vector);
+        let first = first + 3 * (particles.groups.len() + group);
+        for axis in 0..3 {
+            self.add_at(first + axis, torque[axis]);
+        }
+    }
+
+    /// Adds the force of a contact to the groups of its owned particles.
+    fn add_to_groups(&mut self, contact: &Loaded, particles: &Particles) {
+        let Some(first) = self.groups else { return };
+        for (slot, sign) in [(contact.pair.a, -1.0), (contact.pair.b, 1.0)] {
+            let Some(group) = particles.group_of(particles.body_of(slot).index()) else { continue };
+            for axis in 0..3 {
+                self.add_at(first + 3 * group + axis, sign * contact.force[axis]);
+            }
+        }
     }
 
     fn add_contact(&mut self, contact: &Loaded, law: &dyn ForceLaw, particles: &Particles) {
@@ -349,6 +395,8 @@ impl Totals {
             if let Some(first) = self.belts {
                 self.add_at(first + wall, -force.dot(&particles.belt_at(b, &geometry.normal)));
             }
+        } else if [a, b].iter().any(|&slot| particles.is_held(particles.body_of(slot).index())) {
+            self.counts[2] += 1;
         } else {
             self.counts[1] += 1;
             self.add(Of::NormalForce, normal_force);
@@ -406,10 +454,12 @@ impl Totals {
     }
 
     fn measures(&self, walls: usize) -> Measures {
-        let [particles, contacts, wall_contacts] = self.counts;
+        let [particles, contacts, wall_contacts, held] = self.counts;
+        let free = particles - held;
         let contact_force = self.value(Of::ContactForce);
         Measures {
             particles: particles as u64,
+            held: held as u64,
             contacts: contacts as u64,
             wall_contacts: wall_contacts as u64,
             translation: self.value(Of::Translation),
@@ -425,9 +475,9 @@ impl Totals {
             } else {
                 self.value(Of::NormalForce) / contacts as f64
             },
-            unbalanced: if contact_force > 0.0 {
-                let among = ((contacts + wall_contacts) as f64).max(particles as f64);
-                self.value(Of::Resultant) * among / (contact_force * particles as f64)
+            unbalanced: if contact_force > 0.0 && free > 0 {
+                let among = ((contacts + wall_contacts) as f64).max(free as f64);
+                self.value(Of::Resultant) * among / (contact_force * free as f64)
             } else {
                 0.0
             },
@@ -439,13 +489,18 @@ impl Totals {
             belt_powers: (0..walls)
                 .map(|wall| self.belts.map_or(0.0, |first| self.value_at(first + wall)))
                 .collect(),
+            group_forces: Vec::new(),
+            group_torques: Vec::new(),
             bulk: None,
         }
     }
 }
 
-/// Kinetic energy and energy in gravity of an owned particle [J].
+/// Kinetic energy and energy in gravity of an owned particle; 0 of a held one [J].
 pub fn free_energy(particles: &Particles, slot: usize, field: &Field) -> f64 {
+    if particles.is_held(slot) {
+        return 0.0;
+    }
     let mass = particles.mass(slot);
     let translation = 0.5 * mass * particles.velocity[slot].norm_squared();
     let gravity = -mass * unwrapped(particles, slot).dot(&field.gravity);

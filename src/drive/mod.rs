@@ -2,7 +2,7 @@
 //!
 //! Three traits share the work:
 //!
-//! * a [`Drive`] acts: it moves walls, inserts particles and takes them out;
+//! * a [`Drive`] acts: it moves walls, inserts particles and takes them out, holds and pushes them;
 //! * an [`Observer`] looks on: at the forces of each step, at rows of the history, at particles that come and go;
 //! * a [`Reporter`] has a name, warnings, figures for the report, and a state in snapshots.
 //!
@@ -10,12 +10,14 @@
 //! nothing ([`ledger`]), and knows none of them by name. In each step every drive may, in the order of the list,
 //!
 //! 1. ask for sums over all ranks, which are found while the particles move ([`Drive::sums`]);
-//! 2. give walls their velocities and angular velocities ([`Drive::steer`]);
-//! 3. insert particles, before the list of pairs is made ([`Drive::insert`]);
-//! 4. take out particles that have left the domain or have reached where they leave ([`Drive::reaches`], [`Drive::take`]);
-//! 5. look at the forces, as observers that act on nothing do after it ([`Observer::after_forces`]).
+//! 2. hold particles on courses of their own while the others move ([`Drive::lead`], [`Drive::place`]);
+//! 3. give walls their velocities and angular velocities ([`Drive::steer`]);
+//! 4. insert particles, before the list of pairs is made ([`Drive::insert`], [`Drive::admit`]);
+//! 5. take out particles that have left the domain or have reached where they leave ([`Drive::reaches`], [`Drive::take`]);
+//! 6. look at the forces, as observers that act on nothing do after it ([`Observer::after_forces`]);
+//! 7. push particles, and hold others, in the last half of the step ([`Drive::push`], [`Drive::settle`]).
 //!
-//! A drive that pushes particles would act between 4 and 5, once forces are found: no drive does so yet.
+//! Drives are asked for 2 and 7 in scenes with [`groups`] alone ([`crate::particles::Needs::group`]).
 //!
 //! After the step a run writes down the particles that drives have listed ([`Observer::lists`]).
 //!
@@ -97,6 +99,7 @@
 
 mod clearance;
 pub mod free;
+pub mod groups;
 pub mod inlet;
 pub mod ledger;
 pub mod lists;
@@ -115,6 +118,7 @@ use crate::contacts::Contacts;
 use crate::ids::ShapeId;
 use crate::law::{ForceLaw, Sums};
 use crate::math::Vec3;
+use crate::motion::{Farthest, Field};
 use crate::particles::Particles;
 use crate::particles::records::Particle;
 use crate::population::Library;
@@ -188,6 +192,16 @@ pub struct Steering<'a> {
     pub walls: &'a mut [Wall],
 }
 
+/// The particles on which a drive acts, and when.
+pub struct Acting<'a> {
+    /// When. [`Moment::dt`] is 0 where forces were found at the start of a stage.
+    pub moment: Moment,
+    /// Gravity and global damping.
+    pub field: &'a Field,
+    /// Particles and walls.
+    pub particles: &'a mut Particles,
+}
+
 /// From where a drive takes particles out at a moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Takes {
@@ -216,6 +230,21 @@ pub trait Drive: Observer {
     fn steer(&mut self, _steering: Steering) -> Result<(), DriveError> {
         Ok(())
     }
+
+    /// Acts before the first kick of a step: forces and velocities belong to the positions.
+    fn lead(&mut self, _acting: Acting) {}
+
+    /// Acts once particles have moved, and takes note of how far it moves some itself. The moment is that of the start of the step.
+    fn place(&mut self, _acting: Acting, _farthest: &mut Farthest) {}
+
+    /// Acts once forces are found, before the last kick of a step. It may add to forces and torques.
+    fn push(&mut self, _acting: Acting) {}
+
+    /// Acts after the last kick of a step.
+    fn settle(&mut self, _acting: Acting) {}
+
+    /// Says to which group a particle belongs that appears, if to any.
+    fn admit(&self, _newcomer: &mut Particle) {}
 
     /// Particles that appear at this moment, the end of a step, and touch nothing, if any: the same on all ranks. Their ids count
     /// from `first_id`. `particles` are at their new places. Collective.

@@ -252,6 +252,9 @@ fn kick_momenta(particles: &mut Particles, kick: Kick) {
 /// What the energy that central differences conserve has beyond that of the positions and velocities [J]: for a spring
 /// `-(ω dt)²/4` of its elastic energy, by which the energy of an oscillation swings within a period without a loss.
 pub fn step_energy(particles: &Particles, slot: usize, field: &Field, dt: f64) -> f64 {
+    if particles.is_held(slot) {
+        return 0.0;
+    }
     let force = field.force(particles, slot);
     let velocity = particles.velocity[slot];
     let acceleration = force / particles.mass(slot) - velocity * field.damping;
@@ -272,7 +275,7 @@ pub fn last_work(particles: &Particles, slot: usize, field: &Field, dt: f64) -> 
 
 /// Brings particles that have left through a periodic face back in through the other. In every
 /// step, so that a position never depends on when the pairs were listed.
-fn wrap(particles: &mut Particles) {
+pub fn wrap(particles: &mut Particles) {
     if !particles.needs.image {
         return;
     }

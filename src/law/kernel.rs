@@ -1452,11 +1452,14 @@ fn vector(v: Triple<f64>) -> Vec3 {
     Vec3::new(v.x, v.y, v.z)
 }
 
-/// `m_A m_B / (m_A + m_B)`, or `m_A` against a body of infinite mass, as most walls are [kg].
+/// `m_A m_B / (m_A + m_B)`, or the mass of the one against an infinite one, as those of most walls and of held particles are [kg].
 #[inline]
 pub fn reduced_mass(a: &Body, b: &Body) -> f64 {
     if b.mass.is_infinite() {
         return a.mass;
+    }
+    if a.mass.is_infinite() {
+        return b.mass;
     }
     a.mass * b.mass / (a.mass + b.mass)
 }

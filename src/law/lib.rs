@@ -321,7 +321,7 @@ pub struct Body {
     pub scale: f64,
     /// What it is made of.
     pub material: MaterialId,
-    /// Mass; infinite of most walls [kg].
+    /// Mass; infinite of most walls, and of held particles [kg].
     pub mass: f64,
     /// Bounding radius; infinite of a wall [m].
     pub radius: f64,
@@ -335,7 +335,7 @@ impl Body {
             shape,
             scale,
             material: library.materials[shape.index()],
-            mass: library.mass_at(shape, scale),
+            mass: library.mass_in_contacts(shape, scale),
             radius: library.radius[shape.index()] * scale,
         }
     }

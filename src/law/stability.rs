@@ -146,9 +146,15 @@ fn size(library: &Library, body: &Body) -> f64 {
     libm::cbrt(library.shapes[body.shape.index()].volume()) * body.scale
 }
 
-/// The reduced mass of two bodies of which one may be a wall [kg].
+/// The reduced mass of two bodies of which one may be a wall or held [kg].
 fn reduced(mass: f64, other: f64) -> f64 {
-    if other.is_infinite() { mass } else { mass * other / (mass + other) }
+    if other.is_infinite() {
+        mass
+    } else if mass.is_infinite() {
+        other
+    } else {
+        mass * other / (mass + other)
+    }
 }
 
 /// The hardest contacts of particles of each material with each partner.
@@ -161,7 +167,7 @@ struct Pairs<'a> {
 impl<'a> Pairs<'a> {
     fn new(library: &Library, law: &'a dyn ForceLaw) -> Self {
         let mut pairs = Self { law, kin: kin(library), hardest: BTreeMap::new() };
-        for body in bodies(library) {
+        for body in moving(library) {
             for &partner in pairs.kin.keys() {
                 let own = pairs.on_plane(&body, partner);
                 let known = pairs.hardest.entry((body.material, partner)).or_insert(own);
@@ -202,6 +208,11 @@ impl<'a> Pairs<'a> {
             Partner::Particles(_) => fit(size, self.kin[&partner].smallest),
         }
     }
+}
+
+/// Bodies that are not held. A held one has no period.
+fn moving(library: &Library) -> impl Iterator<Item = Body> + '_ {
+    bodies(library).filter(|body| body.mass.is_finite())
 }
 
 /// How many bodies of a size [m] fit around one of another.
@@ -260,7 +271,7 @@ fn stable_step(library: &Library, body: &Body, around: &[Around]) -> (f64, Optio
 /// The limit over all shapes of particles; `None` if nothing can push them.
 pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStepLimit> {
     let pairs = Pairs::new(library, law);
-    bodies(library)
+    moving(library)
         .filter_map(|body| {
             let own_size = size(library, &body);
             let contacts = |&with: &Partner| Around {
@@ -300,7 +311,8 @@ pub fn limit_of_contacts<'a>(
         let on_other =
             |body: usize| law.about().hardest(&bodies[body], bodies[1 - body].material, mass);
         let is_wall = particles.wall_of(pair.b).is_some();
-        for (body, &slot) in slots.iter().enumerate().filter(|&(_, &slot)| slot < particles.owned) {
+        let moves = |slot: usize| slot < particles.owned && !particles.is_held(slot);
+        for (body, &slot) in slots.iter().enumerate().filter(|&(_, &slot)| moves(slot)) {
             let (own, other) = (&bodies[body], &bodies[1 - body]);
             let (fit, each, with) = if is_wall {
                 (OF_WALLS, on_other(body), Partner::Walls(other.material))
@@ -333,7 +345,7 @@ pub fn own_step(limit: f64) -> f64 {
 /// the largest stiffness that they can have and the reduced mass of a body and the lightest of its partners. `None` if nothing pushes.
 pub fn highest_frequency(library: &Library, law: &dyn ForceLaw) -> Option<f64> {
     let pairs = Pairs::new(library, law);
-    let squared = bodies(library).flat_map(|body| {
+    let squared = moving(library).flat_map(|body| {
         let pairs = &pairs;
         let meets = move |partner: &&Partner| pairs.most(&body, **partner) > 0.0;
         pairs.kin.keys().filter(meets).map(move |&partner| {

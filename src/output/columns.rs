@@ -139,6 +139,12 @@ impl Plain for i32 {
     const LABELS: &'static [&'static str] = SCALAR;
 }
 
+impl Plain for u16 {
+    type Element = Self;
+
+    const LABELS: &'static [&'static str] = SCALAR;
+}
+
 impl Plain for Vec3 {
     type Element = f64;
 

@@ -51,11 +51,13 @@ pub struct ParticleTable {
     pub shape: Vec<ShapeId>,
     /// Lengths over those of the shape [-]. Optional: absent if all particles are as large as their shapes.
     pub scale: Vec<f64>,
+    /// Number of the group, from 1 in the order of the scene; 0 of those in none. Optional: absent if the scene has no groups.
+    pub group: Vec<u16>,
     /// Centre [m].
     pub position: Vec<Vec3>,
     /// Velocity at the time of `position` [m/s].
     pub velocity: Vec<Vec3>,
-    /// Sum of the contact forces at `position`; gravity and damping are not in it [N].
+    /// Sum of the contact forces at `position` and of those by which a group is pushed; gravity and damping are not in it [N].
     pub force: Vec<Vec3>,
     /// Contacts with particles and walls, a count.
     pub coordination: Vec<i32>,
@@ -133,7 +135,7 @@ pub static PARTICLE_COLUMNS: LazyLock<Vec<ParticleColumn>> = LazyLock::new(|| {
 pub const QUATERNION: &str = "quaternion";
 
 /// What a picture shows.
-fn shown() -> [ParticleColumn; 11] {
+fn shown() -> [ParticleColumn; 12] {
     let always = Presence::Always;
     [
         own("position", "/VTKHDF/Points", "m", always, |t| &t.position, |t| &mut t.position),
@@ -146,6 +148,14 @@ fn shown() -> [ParticleColumn; 11] {
             Presence::If(|needs| needs.scale),
             |t| &t.scale,
             |t| &mut t.scale,
+        ),
+        own(
+            "group",
+            "/VTKHDF/PointData/group",
+            "1",
+            Presence::If(|needs| needs.group),
+            |t| &t.group,
+            |t| &mut t.group,
         ),
         own(
             QUATERNION,

@@ -8,6 +8,8 @@
 //!
 //! Bodies that touch in several places, as unions may, count once.
 //!
+//! Particles that are held count as walls: they are none of the `N`, and contacts with them are none between particles.
+//!
 //! The mechanical coordination number (Thornton 2000, DOI 10.1680/geot.2000.50.1.43) leaves out the
 //! rattlers, which carry nothing: `Z_m = (2 N_c - N_1) / (N - N_0 - N_1)` with `N_0`, `N_1` the particles with
 //! no and with one contact. Rattlers are taken out once, not again until none is left.
@@ -21,7 +23,7 @@ use serde::{Deserialize, Serialize};
 /// Counts the contacts of each particle: eight bytes per id ever given.
 #[derive(Clone, Debug, Default)]
 pub struct CoordinationCount {
-    /// Contacts with particles and with walls, by id.
+    /// Contacts with particles, and with walls and held particles, by id.
     contacts: Vec<[u32; 2]>,
     /// Those of two bodies stand side by side.
     last: Option<(GlobalId, GlobalId)>,
@@ -29,13 +31,15 @@ pub struct CoordinationCount {
 
 impl CoordinationCount {
     /// Adds these contacts.
-    pub fn add_contacts(&mut self, contacts: &ContactTable) {
+    pub fn add_contacts(&mut self, contacts: &ContactTable, members: &Members) {
         for (&a, &b) in contacts.a.iter().zip(&contacts.b) {
             if self.last.replace((a, b)) == Some((a, b)) {
                 continue;
             }
-            if b.wall_index().is_some() {
+            if b.wall_index().is_some() || members.is_held(b) {
                 self.of(a.0)[1] += 1;
+            } else if members.is_held(a) {
+                self.of(b.0)[1] += 1;
             } else {
                 self.of(a.0)[0] += 1;
                 self.of(b.0)[0] += 1;

@@ -347,7 +347,7 @@ impl<'a> ContactPass<'a> {
     pub fn add_contacts(&mut self, contacts: &ContactTable) -> Result<(), PostError> {
         check::check_contacts(contacts)?;
         self.stress.add_contacts(contacts, &self.members)?;
-        self.coordination.add_contacts(contacts);
+        self.coordination.add_contacts(contacts, &self.members);
         self.fabric.add_contacts(contacts, &self.members)?;
         self.rose.add_contacts(contacts, &self.members)?;
         self.mean_force.add_contacts(contacts, &self.members)

@@ -6,6 +6,7 @@ use super::sums::quotient;
 use super::{PostError, pieces};
 use crate::cell::{AXES, Shear};
 use crate::contact::Posed;
+use crate::drive::groups;
 use crate::ids::GlobalId;
 use crate::math::{ExactSum, Mat3, Quat, Vec3};
 use crate::output::header::{Header, WallRow};
@@ -389,6 +390,14 @@ enum Membership {
     Outside,
     /// In the region.
     Inside,
+    /// Held on a course of its own: like a wall it belongs to no region.
+    Held,
+}
+
+/// For each group of a snapshot 1 if its particles are held.
+fn held_groups(header: &Header) -> &[u64] {
+    let groups = header.drives.iter().find(|saved| saved.drive == groups::NAME);
+    groups.and_then(|saved| saved.counts(&groups::HELD).ok()).unwrap_or_default()
 }
 
 /// Which particles belong to the region, by id: one byte per id ever given.
@@ -410,7 +419,8 @@ impl Members {
     /// # Errors
     /// An id that the header does not know, or one that stands twice.
     pub fn add(&mut self, header: &Header, particles: &ParticleTable) -> Result<(), PostError> {
-        for (&id, position) in particles.id.iter().zip(&particles.position) {
+        let held = held_groups(header);
+        for (row, (&id, position)) in particles.id.iter().zip(&particles.position).enumerate() {
             if id.0 >= header.next_id {
                 return Err(PostError::UnknownId { id, next_id: header.next_id });
             }
@@ -425,8 +435,13 @@ impl Members {
                 Region::Whole => true,
                 Region::Box(bounds) => bounds.contains(&header.cell.inside(*position)),
             };
-            self.memberships[slot] = if inside { Membership::Inside } else { Membership::Outside };
-            self.inside += u64::from(inside);
+            let group = particles.group.get(row).map_or(0, |&group| usize::from(group));
+            self.memberships[slot] = match inside {
+                _ if group > 0 && held.get(group - 1) == Some(&1) => Membership::Held,
+                true => Membership::Inside,
+                false => Membership::Outside,
+            };
+            self.inside += u64::from(self.memberships[slot] == Membership::Inside);
         }
         Ok(())
     }
@@ -453,7 +468,13 @@ impl Members {
     /// As [`Members::holds`].
     pub fn ends(&self, a: GlobalId, b: GlobalId) -> Result<Ends, PostError> {
         let b_is_wall = b.wall_index().is_some();
-        Ok(Ends { a: self.holds(a)?, b: !b_is_wall && self.holds(b)?, wall: b_is_wall })
+        let wall = b_is_wall || self.is_held(a) || self.is_held(b);
+        Ok(Ends { a: self.holds(a)?, b: !b_is_wall && self.holds(b)?, wall })
+    }
+
+    /// Is it a particle that is held?
+    pub(super) fn is_held(&self, id: GlobalId) -> bool {
+        self.memberships.get(id.0 as usize) == Some(&Membership::Held)
     }
 
     /// The ids of the particles in the region, ascending.
@@ -474,7 +495,7 @@ pub struct Ends {
     pub a: bool,
     /// Particle B does; never a wall.
     pub b: bool,
-    /// B is a wall.
+    /// B is a wall, or one of both is held.
     pub wall: bool,
 }
 
@@ -484,7 +505,7 @@ impl Ends {
     /// every contact weighs the same, and the sums of disjoint regions add up.
     pub const fn halves(self) -> u64 {
         match (self.a, self.b, self.wall) {
-            (true, _, true) => 2,
+            (true, _, true) | (_, true, true) => 2,
             (a, b, _) => a as u64 + b as u64,
         }
     }

@@ -50,7 +50,9 @@ impl StressSum {
             let branch = &contacts.branch[row];
             match (ends.a, ends.b) {
                 (true, true) => self.sum.add_outer(&force, branch),
-                (true, false) if ends.wall => self.sum.add_outer(&force, branch),
+                (true, false) if contacts.b[row].wall_index().is_some() => {
+                    self.sum.add_outer(&force, branch);
+                }
                 (true, false) => self.sum.add_outer(&force, &from_a),
                 (false, true) => self.sum.add_outer(&-force, &(from_a - branch)),
                 (false, false) => {}

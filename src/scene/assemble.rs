@@ -8,6 +8,7 @@ use crate::contact::{self, ContactRecords, StateColumn};
 use crate::contacts::Contacts;
 use crate::domain::{Domain, halo_width};
 use crate::drive::free::FreeWalls;
+use crate::drive::groups::{self, Groups, What};
 use crate::drive::inlet::Inlets;
 use crate::drive::ledger::Ledger;
 use crate::drive::outlet::Outlets;
@@ -23,9 +24,9 @@ use crate::motion::Field;
 use crate::output::SnapshotError;
 use crate::output::header::{Header, ShapeRow, WallRow};
 use crate::output::snapshot::Reader;
-use crate::particles::Particles;
 use crate::particles::columns::Accumulated;
 use crate::particles::records::Particle;
+use crate::particles::{Group, Particles};
 use crate::population::Library;
 use crate::search::PairList;
 use crate::sim::{Simulation, audit::Auditor, capture, watch::Watch};
@@ -191,8 +192,11 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
     found.contacts.without_points = !needs.orientation;
     found.contacts.with_patches = needs.patches;
     let table = if needs.patches { contact::table_with_patches } else { contact::table };
+    let mut particles =
+        Particles::new(needs, scene.library.clone(), scene.walls.clone(), scene.domain);
+    particles.groups = scene.groups.iter().map(group).collect();
     Simulation {
-        particles: Particles::new(needs, scene.library.clone(), scene.walls.clone(), scene.domain),
+        particles,
         pairs: PairList::default(),
         contacts: Contacts::of(law.state()),
         sums: Sums::default(),
@@ -225,6 +229,15 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
     }
 }
 
+/// A group as particles know it.
+fn group(group: &groups::Group) -> Group {
+    let about = match &group.what {
+        What::Held(path) => path.course.turn.as_ref().map(|_| path.about),
+        What::Pushed(_) => None,
+    };
+    Group { name: group.name.clone(), about }
+}
+
 /// What the scene has act from outside.
 fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
     let mut drives: Vec<Box<dyn Drive>> = Vec::new();
@@ -242,6 +255,9 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
     }
     if !scene.free_walls.is_empty() {
         drives.push(Box::new(FreeWalls::new(scene.free_walls.clone(), &scene.walls)));
+    }
+    if !scene.groups.is_empty() {
+        drives.push(Box::new(Groups::new(scene.groups.clone())));
     }
     drives
 }
@@ -268,6 +284,7 @@ pub fn fill(sim: &mut Simulation, scene: &Scene, comm: &dyn Comm) {
     for mut particle in packing::initial(scene) {
         sim.next_id = particle.id.0 + 1;
         particle.velocity += scene.domain.flow_at(&particle.position);
+        groups::join(&scene.groups, &mut particle, &scene.library, &scene.domain);
         if sim.domain.owner(&particle.position) == comm.rank() {
             sim.insert(&particle);
         }
@@ -309,6 +326,14 @@ pub fn take_up(
     }
     sim.particles.cell = sheared_on(scene, &header, reader.path())?;
     let mut library = sim.particles.library.clone();
+    for particle in &mut particles {
+        match continuation {
+            Continuation::NewStage => {
+                groups::join(&scene.groups, particle, &library, &scene.domain);
+            }
+            Continuation::SameStage => groups::take_shape(&scene.groups, particle, &library),
+        }
+    }
     if continuation == Continuation::SameStage {
         admit_saved(&mut library, &header);
     }
@@ -323,6 +348,10 @@ pub fn take_up(
             let steps = (header.step - header.stage_begin.0) as f64;
             if header.dt != sim.dt {
                 sim.stage_shift += steps * (header.dt - sim.dt);
+            }
+            if scene.groups.is_empty() && header.drives.iter().any(|s| s.drive == groups::NAME) {
+                let (path, error) = (reader.path().to_owned(), groups::other_groups("some"));
+                return Err(StartError::Drive { path, error });
             }
         }
         Continuation::NewStage => {

@@ -44,8 +44,7 @@ pub(super) fn admit_to_go_on(library: &mut Library, path: &Path) -> Option<Strin
 pub(super) fn admit_saved(library: &mut Library, header: &Header) {
     for row in &header.shapes {
         if let Some(shape) = admit_of(library, row, row.scales) {
-            let most = &mut library.most[shape.index()];
-            *most = most.max(row.most);
+            library.admit_number(shape, row.most);
         }
     }
 }

@@ -7,6 +7,7 @@ use super::before;
 use super::fills::Fills;
 use super::flows;
 use super::form;
+use super::groups;
 use super::jumps;
 use super::laws;
 use super::matter::{Materials, Shapes};
@@ -19,6 +20,7 @@ use super::{Fill, FreeWall, Inlet, Method, Outlet, Rain, Scene, Servo, Stop};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
+use crate::drive::groups::{Group, held_of};
 use crate::drive::inlet::Amount;
 use crate::ids::ShapeId;
 use crate::law::Choice;
@@ -55,7 +57,11 @@ pub(super) fn scene(
     let mut bodies = Bodies::read(&root, &folder, general.gravity);
     let mut grains = Grains::read(&root, &folder, &mut bodies, general.gravity);
     let before = sizes_before(&mut bodies.shapes.library, general.start.as_ref(), need);
+    let groups = read_groups(&root, &folder, &mut bodies, &mut grains, general.gravity);
     let course = Course::read(&root, &mut bodies, general.seed, &grains);
+    if let (Some(groups), Some(time), true) = (&groups, &course.time, bodies.shapes.complete) {
+        groups::check_speeds(&root, groups, &bodies.shapes.library, time.dt);
+    }
     check_room(&root, &general, &bodies, &mut grains);
     check_together(&root, &general, &mut bodies, &course);
     if !mistakes.is_empty() {
@@ -92,6 +98,7 @@ pub(super) fn scene(
         rain,
         inlets: grains.inlets?,
         outlets: grains.outlets?,
+        groups: groups?,
         dt,
         own_step,
         steps,
@@ -187,7 +194,8 @@ impl Grains {
     fn read(root: &Section, folder: &Path, bodies: &mut Bodies, gravity: Option<Vec3>) -> Self {
         let Bodies { shapes, domain, .. } = bodies;
         let (domain, gravity) = (domain.as_ref(), gravity.unwrap_or_else(Vec3::zeros));
-        let fills = Fills { shapes: &*shapes, domain, gravity, folder };
+        let any_held = groups::any_held(root);
+        let fills = Fills { shapes: &*shapes, domain, gravity, folder, any_held };
         let inlets = flows::inlets(root, &fills);
         let fills = fills.read(root);
         let outlets = flows::outlets(root, domain);
@@ -200,6 +208,33 @@ impl Grains {
         limit_numbers(&mut shapes.library, fills.as_ref(), inlets.as_deref());
         Self { fills, inlets, outlets }
     }
+}
+
+/// Groups of particles. The library gets shapes for those that are held, and inlets the numbers of their groups.
+fn read_groups(
+    root: &Section,
+    folder: &Path,
+    bodies: &mut Bodies,
+    grains: &mut Grains,
+    gravity: Option<Vec3>,
+) -> Option<Vec<Group>> {
+    let Bodies { shapes, domain, walls, .. } = bodies;
+    let around = groups::Around {
+        shapes: &*shapes,
+        walls: &*walls,
+        domain: domain.as_ref(),
+        rain: grains.fills.as_ref().and_then(|(_, rain)| rain.as_ref()),
+        gravity: gravity.unwrap_or_else(Vec3::zeros),
+        folder,
+    };
+    let all = groups::read(root, &around, grains.inlets.as_deref_mut());
+    if let Some(all) = all.as_deref()
+        && all.iter().any(Group::is_held)
+    {
+        shapes.library.add_held(|shape| held_of(all, shape));
+    }
+    shapes.library.add_pieces();
+    all
 }
 
 /// Makes room in the library for the particles of a stage before. Returns its scene.
@@ -488,6 +523,7 @@ fn check_smooth(root: &Section, library: &Library) {
         .names
         .iter()
         .zip(&library.shapes)
+        .take(library.own_shapes())
         .filter(|(_, shape)| !shape.kind().is_smooth())
         .map(|(name, shape)| format!("`{name}` ({})", shape.kind().name()))
         .collect();

@@ -31,6 +31,8 @@ pub(super) struct Fills<'a> {
     pub(super) gravity: Vec3,
     /// Of the scene's file.
     pub(super) folder: &'a Path,
+    /// May particles be held, which then may overlap?
+    pub(super) any_held: bool,
 }
 
 impl Fills<'_> {
@@ -277,6 +279,7 @@ impl Fills<'_> {
         let least = (1.0 - DEEPEST_START) * thinnest.fold(f64::INFINITY, f64::min);
         let narrow = |axis: &usize| count[*axis] > 1 && spacing[*axis] - 2.0 * jitter < least;
         if self.shapes.complete
+            && !self.any_held
             && let Some(axis) = (0..3).find(narrow)
         {
             section.fail(format!(

@@ -170,6 +170,7 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
         spin: spin?,
         orientations: orientations?,
         list: list?,
+        group: 0,
     })
 }
 

@@ -177,7 +177,7 @@ impl Shapes {
             );
             shapes.library.set_sizes(id, sizes.unwrap_or_default());
         }
-        shapes.library.end_particle_shapes();
+        shapes.library.particle_shapes = shapes.library.shapes.len();
         shapes
     }
 

@@ -141,10 +141,10 @@ const NOT_THERE: [(&str, &str, &str); 29] = [
 const CLUMPS: &str =
     "instead give a [[shape]] with kind = \"union\" and its `pieces`, or a `file` of balls";
 const HELD: &str =
-    "particles that are held are not supported; instead make an obstacle a [[wall]] with a `mesh`";
-const PUSHED: &str = "forces on single particles are not supported; instead make such a body a [[wall]] with a `mesh`, and give it a \
+    "particles are held by a [[group]] that names them, with `fixed`, a `velocity` or a `rotation`";
+const PUSHED: &str = "particles are pushed by a [[group]] that names them, with a `force`, or led with a `velocity`; a [[wall]] with a `mesh` by a \
      [[motion]] with its `mass` and `force`";
-const DRAG: &str = "fluids are not supported; instead take Stokes' drag as `global_damping` [1/s], 6 π η R / m of a sphere";
+const DRAG: &str = "a [[group]] has the `drag` of a fluid whose velocity is given; fluids that flow by themselves are not supported";
 /// A cell that is pressed or strained.
 pub(super) const CELL: &str = "a periodic cell that stresses or strains deform is not supported; instead press walls together, each pair \
      by a [[servo]], or shear the cell by `domain.shear`";

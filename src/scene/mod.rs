@@ -23,6 +23,7 @@ mod fills;
 mod flows;
 mod form;
 mod geometry;
+mod groups;
 mod input;
 mod jumps;
 pub mod keys;
@@ -49,6 +50,7 @@ mod walls;
 use crate::cell::Cell;
 pub use crate::contact::Method;
 pub use crate::drive::free::FreeWall;
+pub use crate::drive::groups::Group;
 pub use crate::drive::inlet::Inlet;
 pub use crate::drive::outlet::Outlet;
 pub use crate::drive::rain::Rain;
@@ -132,6 +134,8 @@ pub struct Scene {
     pub inlets: Vec<Inlet>,
     /// Where particles leave.
     pub outlets: Vec<Outlet>,
+    /// Particles that are held or pushed.
+    pub groups: Vec<Group>,
     /// Time step [s].
     pub dt: f64,
     /// Is it the program's own, that a stage may shorten?
@@ -291,13 +295,19 @@ impl Scene {
         let library = &self.library;
         let orientation =
             library.shapes[library.grains()].iter().any(|shape| shape.kind() != Kind::Sphere);
+        let pushes = || self.groups.iter().filter_map(Group::push);
         Needs {
-            spin: law.spin || orientation || self.walls.iter().any(Wall::turns),
+            spin: law.spin
+                || orientation
+                || self.walls.iter().any(Wall::turns)
+                || self.groups.iter().any(Group::turns)
+                || pushes().any(|push| push.torque.is_some()),
             orientation,
             form: crate::contact::needs_form(&self.method, &self.particle_kinds()),
             image: self.domain.repeats(),
             scale: self.library.has_sizes(),
-            damping: self.global_damping > 0.0,
+            damping: self.global_damping > 0.0 || pushes().any(|push| push.drag.is_some()),
+            group: !self.groups.is_empty(),
             ..law
         }
     }

@@ -1,4 +1,4 @@
-//! How walls move by `[[motion]]`: from the file as written.
+//! How walls and groups of particles move by `[[motion]]`: from the file as written.
 
 use super::listed;
 use super::reader::{Given, Section};
@@ -18,6 +18,8 @@ pub(super) struct Motions<'a> {
 struct Motion<'a> {
     /// Which walls, with their names.
     walls: Vec<(Given<'a>, &'a str)>,
+    /// Groups of particles, with their names.
+    groups: Vec<(Given<'a>, &'a str)>,
     kind: Kind,
     how: How,
 }
@@ -62,24 +64,37 @@ impl<'a> Motions<'a> {
             self.free_alone(name, wall);
             return;
         }
-        let mut course = Course { shifts: Vec::new(), turn: None };
-        let (speed, rate) = (wall.velocity.norm(), wall.angular_velocity.norm());
-        if speed > 0.0 {
-            course.shifts.push((wall.velocity / speed, Way::Steady(speed)));
+        wall.follow(course(self.of(name), &wall.velocity, &wall.angular_velocity));
+    }
+
+    /// The course of a group of particles, with the constant velocities that it has, and the point about which motions turn it [m], if they
+    /// do.
+    pub(super) fn of_group(
+        &self,
+        name: &str,
+        velocity: &Vec3,
+        turning: &Vec3,
+    ) -> (Course, Option<Vec3>) {
+        let all = self.all.iter().flat_map(|motion| {
+            let named = motion.groups.iter().filter(|(_, group)| *group == name);
+            named.map(move |(given, _)| (given, motion))
+        });
+        for (given, _) in all.clone().filter(|(_, motion)| matches!(motion.how, How::Freely { .. }))
+        {
+            given.fail("a motion with a `mass` is of a wall; push a group with a `force`");
         }
-        if rate > 0.0 {
-            course.turn = Some((wall.angular_velocity / rate, Way::Steady(rate)));
+        let about = all.clone().find_map(|(_, motion)| match motion.kind {
+            Kind::About(point, _) => Some(point),
+            Kind::Along(_) => None,
+        });
+        (course(all, velocity, turning), about)
+    }
+
+    /// Looks at each name of a group as it is given.
+    pub(super) fn check_groups(&self, look: impl Fn(&Given, &str)) {
+        for (given, name) in self.all.iter().flat_map(|motion| &motion.groups) {
+            look(given, name);
         }
-        for (given, motion) in self.of(name) {
-            let How::By(way) = &motion.how else { continue };
-            match motion.kind {
-                Kind::Along(along) => course.shifts.push((along, way.clone())),
-                Kind::About(..) if course.turn.is_some() => given
-                    .fail("this wall turns already, by its `rotation` or another motion; a wall turns about one axis"),
-                Kind::About(_, axis) => course.turn = Some((axis, way.clone())),
-            }
-        }
-        wall.follow(course);
     }
 
     /// Gives a wall its mass, if nothing but forces moves it.
@@ -129,18 +144,53 @@ impl<'a> Motions<'a> {
     }
 }
 
-fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Option<Motion<'a>> {
-    let walls = section.require("walls").and_then(|given| {
-        let mut walls: Vec<(Given, &str)> = Vec::new();
+/// The course of a body that has these constant velocities [m/s, rad/s] and motions.
+fn course<'a, 'b: 'a>(
+    motions: impl Iterator<Item = (&'a Given<'b>, &'a Motion<'b>)>,
+    velocity: &Vec3,
+    turning: &Vec3,
+) -> Course {
+    let mut course = Course { shifts: Vec::new(), turn: None };
+    let (speed, rate) = (velocity.norm(), turning.norm());
+    if speed > 0.0 {
+        course.shifts.push((velocity / speed, Way::Steady(speed)));
+    }
+    if rate > 0.0 {
+        course.turn = Some((turning / rate, Way::Steady(rate)));
+    }
+    for (given, motion) in motions {
+        let How::By(way) = &motion.how else { continue };
+        match motion.kind {
+            Kind::Along(along) => course.shifts.push((along, way.clone())),
+            Kind::About(..) if course.turn.is_some() => {
+                given.fail("turns already, by its `rotation` or another motion; a body turns about one axis");
+            }
+            Kind::About(_, axis) => course.turn = Some((axis, way.clone())),
+        }
+    }
+    course
+}
+
+/// Names of what moves.
+fn named<'a>(section: &Section<'a>, key: &str) -> Option<Vec<(Given<'a>, &'a str)>> {
+    section.read_or(key, Vec::new(), |given| {
+        let mut names: Vec<(Given, &str)> = Vec::new();
         for item in given.list()? {
             let name = item.text()?;
-            if walls.iter().any(|(_, known)| *known == name) {
+            if names.iter().any(|(_, known)| *known == name) {
                 item.fail("stands there twice");
             }
-            walls.push((item, name));
+            names.push((item, name));
         }
-        Some(walls)
-    });
+        Some(names)
+    })
+}
+
+fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Option<Motion<'a>> {
+    let (walls, groups) = (named(section, "walls"), named(section, "groups"));
+    if section.get("walls").is_none() && section.get("groups").is_none() {
+        section.fail("`walls` or `groups` is missing: a list of names of what moves so");
+    }
     let kind = if let Some(given) = section.get("along") {
         for key in ["about", "axis"] {
             section.refuse(
@@ -174,30 +224,18 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
         section.refuse("force", "is of a wall with a `mass`, which forces move");
         way(section, turns, folder).map(How::By)
     };
-    Some(Motion { walls: walls?, kind: kind?, how: how? })
+    Some(Motion { walls: walls?, groups: groups?, kind: kind?, how: how? })
 }
 
 /// An oscillation or a table; the scene has angles in degrees.
 fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
     let to_si = if turns { 1f64.to_radians() } else { 1.0 };
-    if let Some(given) = section.get("table") {
+    if section.get("table").is_some() {
         for key in ["amplitude", "frequency", "phase"] {
             section.refuse(key, "stands beside `table`; a motion is an oscillation or a table");
         }
-        let words = [("linear", false), ("smooth", true)];
-        let is_smooth = section.read_or("interpolation", false, |given| given.one_of(&words));
-        let path = folder.join(given.text()?);
-        let rows = match rows(&path, if turns { "angle_deg" } else { "displacement_m" }) {
-            Ok(rows) => rows,
-            Err(mistakes) => {
-                for mistake in &mistakes {
-                    given.fail(mistake);
-                }
-                return None;
-            }
-        };
-        let rows: Vec<_> = rows.into_iter().map(|(time, value)| (time, value * to_si)).collect();
-        return Some(Way::Table(Table::new(&rows, is_smooth?)));
+        let column = if turns { "angle_deg" } else { "displacement_m" };
+        return table(section, folder, (column, to_si)).map(Way::Table);
     }
     section.refuse("interpolation", "is of a `table`");
     let amplitude = section.number("amplitude");
@@ -208,6 +246,30 @@ fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
         frequency: frequency?,
         phase: phase?.to_radians(),
     })
+}
+
+/// The `table` of a section, with values of this column, each times a factor.
+pub(super) fn table(
+    section: &Section,
+    folder: &Path,
+    (column, to_si): (&str, f64),
+) -> Option<Table> {
+    let words = [("linear", false), ("smooth", true)];
+    let is_smooth = section.read_or("interpolation", false, |given| given.one_of(&words));
+    let given = section.get("table")?;
+    match rows(&folder.join(given.text()?), column) {
+        Ok(rows) => {
+            let rows: Vec<_> =
+                rows.into_iter().map(|(time, value)| (time, value * to_si)).collect();
+            Some(Table::new(&rows, is_smooth?))
+        }
+        Err(mistakes) => {
+            for mistake in &mistakes {
+                given.fail(mistake);
+            }
+            None
+        }
+    }
 }
 
 /// Times [s] and values of a table.

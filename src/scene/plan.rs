@@ -2,11 +2,13 @@
 
 use super::bed::Share;
 use super::doubts::doubts;
+use super::packing;
 use super::{Fill, Goal, Mix, Scene, Servo, Stop};
 use crate::cell::{AXES, SIDES, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::domain::halo_width;
+use crate::drive::groups;
 use crate::drive::ledger::Ledger;
 use crate::drive::rain::{LOOKED_AT, Within};
 use crate::ids::{MaterialId, ShapeId};
@@ -120,6 +122,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         let every = format!("looked at every {} steps", outlet.every);
         page.line("outlet", format!("{}: {}, {every}", outlet.name, outlet.region.words()));
     }
+    groups(scene, page);
     shapes(scene, page);
     walls(scene, page);
     let law = scene.force_law();
@@ -169,6 +172,24 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     page.line("columns", columns.join("; "));
 }
 
+/// Who is held or pushed, and how.
+fn groups(scene: &Scene, page: &mut Page) {
+    if scene.groups.is_empty() {
+        return;
+    }
+    let mut counts = vec![0_u64; scene.groups.len() + 1];
+    for mut particle in packing::initial(scene) {
+        groups::join(&scene.groups, &mut particle, &scene.library, &scene.domain);
+        counts[usize::from(particle.group)] += 1;
+    }
+    for (group, count) in scene.groups.iter().zip(&counts[1..]) {
+        let beside = if scene.start.is_some() { ", and those of the snapshot" } else { "" };
+        let later = if group.who.by_inlet { ", and those of its inlets" } else { beside };
+        let (name, does) = (&group.name, group.what.words());
+        page.line("group", format!("{name}: {count} particles{later}; {does}"));
+    }
+}
+
 /// The shares of a mix, by number and by mass.
 fn shares(scene: &Scene, mix: &Mix, page: &mut Page) {
     if mix.shapes().count() < 2 {
@@ -189,7 +210,7 @@ fn shares(scene: &Scene, mix: &Mix, page: &mut Page) {
 
 fn shapes(scene: &Scene, page: &mut Page) {
     let library = &scene.library;
-    for (index, shape) in library.shapes[..library.particle_shapes].iter().enumerate() {
+    for (index, shape) in library.shapes[..library.own_shapes()].iter().enumerate() {
         let size = if let Shape::Sphere(sphere) = shape {
             format!("radius {:.4e} m", sphere.radius)
         } else {

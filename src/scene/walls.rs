@@ -22,7 +22,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The most that a wall may move in a step, over the shortest axis of any grain.
-const LONGEST_MOVE: f64 = 0.05;
+pub(super) const LONGEST_MOVE: f64 = 0.05;
 
 /// What is wrong with a wall of this speed [m/s], if it moves too far in a step of `dt` [s].
 fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
@@ -37,7 +37,7 @@ fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
 }
 
 /// The most that a wall may move in a step [m], if one of this speed [m/s] moves farther in a step of `dt` [s].
-fn too_far(speed: f64, dt: Option<f64>, library: &Library) -> Option<f64> {
+pub(super) fn too_far(speed: f64, dt: Option<f64>, library: &Library) -> Option<f64> {
     let (dt, most) = (dt?, LONGEST_MOVE * 2.0 * library.least_inscribed_radius());
     (speed * dt > most).then_some(most)
 }
@@ -275,7 +275,7 @@ impl<'a> Walls<'a> {
     /// Looks whether surfaces meet particles of shapes for which they have contacts, and gives those of triangles what grains with
     /// faces need.
     pub(super) fn check_surfaces(&mut self, root: &Section, library: &Library, method: &Method) {
-        let all = || library.names.iter().zip(&library.shapes);
+        let all = || library.names.iter().zip(&library.shapes).take(library.own_shapes());
         let all_names = |is: fn(Kind) -> bool| {
             let of = all().filter(|(_, shape)| is(shape.kind()));
             let name =
@@ -328,6 +328,16 @@ impl<'a> Walls<'a> {
     pub(super) fn count(&self) -> usize {
         let shapes = |planned: &Option<Planned>| planned.as_ref().map_or(1, |p| p.wall.shapes());
         self.all.iter().map(shapes).sum()
+    }
+
+    /// How walls and groups of particles move.
+    pub(super) const fn motions(&self) -> &Motions<'a> {
+        &self.motions
+    }
+
+    /// Is this the name of a wall?
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.names.index(name).is_some()
     }
 
     /// All that are known.
@@ -729,7 +739,7 @@ fn plane(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
 }
 
 /// The point about which a wall turns [m], and its angular velocity [rad/s].
-fn rotation(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
+pub(super) fn rotation(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
     let (about, axis) = axis_of_turn(section, domain);
     let rate = section.number("rate");
     Some((about?, axis? * rate?))

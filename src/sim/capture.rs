@@ -129,7 +129,7 @@ impl Simulation {
                 .map(|[a, b, c]| [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z])
                 .collect(),
             drives: self.saved_drives(comm),
-            shapes: (0..library.particle_shapes)
+            shapes: (0..library.own_shapes())
                 .map(|k| ShapeRow {
                     name: library.names[k].clone(),
                     kind: library.shapes[k].kind().name().to_owned(),
@@ -138,7 +138,7 @@ impl Simulation {
                     mass: library.mass[k],
                     inertia: library.inertia[k],
                     scales: library.scales[k],
-                    most: library.most[k],
+                    most: library.most_of(ShapeId(k as u16)),
                     geometry: Some(library.shapes[k].clone()).filter(|s| s.kind() != Kind::Other),
                 })
                 .collect(),
@@ -187,7 +187,10 @@ impl Simulation {
         let owned = 0..particles.owned;
         let mut table = ParticleTable {
             id: particles.id[owned.clone()].to_vec(),
-            shape: particles.shape[owned.clone()].to_vec(),
+            shape: (particles.shape[owned.clone()].iter())
+                .map(|&shape| particles.library.free(shape))
+                .collect(),
+            group: particles.group.clone(),
             scale: particles.scale.get(owned.clone()).unwrap_or_default().to_vec(),
             position: particles.position[owned.clone()].to_vec(),
             velocity: particles.velocity[owned.clone()].to_vec(),
@@ -328,6 +331,7 @@ pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId
             id: table.id[row],
             shape: shape_of(table.shape[row]),
             scale: table.scale_of(row),
+            group: table.group.get(row).copied().unwrap_or_default(),
             position: table.position[row],
             velocity: table.velocity[row],
             force: table.force[row],

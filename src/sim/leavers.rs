@@ -22,7 +22,7 @@ impl Simulation {
         self.drives.iter().any(|drive| drive.takes(&moment) != Takes::Nothing)
     }
 
-    /// Slots of the owned particles that have left the domain, or that have reached an outlet. Not a matter of when the pairs
+    /// Slots of the owned particles that have left the domain, or that have reached an outlet and are not held. Not a matter of when the pairs
     /// were listed.
     fn leavers(&self) -> impl Iterator<Item = usize> {
         let Self { particles, drives, .. } = self;
@@ -32,7 +32,8 @@ impl Simulation {
         let owned = if looking.is_empty() { 0 } else { particles.owned };
         let reached = move |slot: &usize| {
             let position = &particles.position[*slot];
-            looking.iter().any(|drive| drive.reaches(&moment, position, &particles.cell))
+            !particles.is_held(*slot)
+                && looking.iter().any(|drive| drive.reaches(&moment, position, &particles.cell))
         };
         let inside = (0..owned).filter(reached);
         self.domain.leavers(particles).chain(inside)
@@ -51,8 +52,9 @@ impl Simulation {
         let Self { particles, drives, field, .. } = self;
         let here = slots.into_iter().map(|slot| {
             let leaver = particles.owned_particle(slot);
+            let shape = particles.library.free(leaver.shape);
             // As it is booked out: nothing touches it any more.
-            Particle { velocity: field.after_last_kick(&leaver.velocity, dt), ..leaver }
+            Particle { shape, velocity: field.after_last_kick(&leaver.velocity, dt), ..leaver }
         });
         let mut leavers = everywhere(comm, &here.collect::<Vec<_>>());
         leavers.sort_unstable_by_key(|leaver| leaver.id);
@@ -76,8 +78,12 @@ impl Simulation {
         for slot in 0..particles.owned {
             let id = particles.id[slot];
             if taken.contains(&id) {
-                let work = motion::last_work(particles, slot, field, dt);
-                let energy = measure::free_energy(particles, slot, field) + work;
+                let energy = if particles.is_held(slot) {
+                    0.0
+                } else {
+                    motion::last_work(particles, slot, field, dt)
+                        + measure::free_energy(particles, slot, field)
+                };
                 let accumulated = particles.accumulated.row(slot);
                 let [received, dissipated] = [Quantity::Received, Quantity::Dissipated]
                     .map(|quantity| accumulated[quantity]);

@@ -18,7 +18,7 @@ use crate::contact::{ContactRecords, Found, Pair, Table, Touch, Why};
 use crate::contacts::{Contacts, Loaded};
 use crate::domain::{Domain, DomainError};
 use crate::drive::{
-    Drive, DriveError, Moment, Newcomers, Observer, Reporter, Steering, View, all_observers,
+    Acting, Drive, DriveError, Moment, Newcomers, Observer, Reporter, Steering, View, all_observers,
 };
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Sums};
@@ -206,7 +206,9 @@ impl Simulation {
         self.clock.restart();
         let asked = self.start_sums(comm);
         self.particles.move_cell(self.dt);
-        let farthest = motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
+        self.act(|drive, acting| drive.lead(acting));
+        let mut farthest = motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
+        self.act(|drive, acting| drive.place(acting, &mut farthest));
         self.clock.lap(Phase::Move);
         self.steer_walls(&asked, comm)?;
         self.clock.lap(Phase::Agree);
@@ -227,9 +229,28 @@ impl Simulation {
         self.count_work_of_images(self.dt);
         self.show_forces(self.dt);
         self.clock.lap(Phase::Forces);
+        self.act(|drive, acting| drive.push(acting));
         motion::kick(&mut self.particles, &self.field, self.dt);
+        self.act(|drive, acting| drive.settle(acting));
         self.clock.lap(Phase::Move);
         Ok(())
+    }
+
+    /// Lets drives act on the particles, if any particle may be held or pushed.
+    fn act(&mut self, act: impl FnMut(&mut dyn Drive, Acting)) {
+        self.act_after(self.dt, act);
+    }
+
+    /// Lets drives act on forces that were found a time `dt` [s] after those before: 0 at the start of a stage.
+    fn act_after(&mut self, dt: f64, mut act: impl FnMut(&mut dyn Drive, Acting)) {
+        if !self.particles.needs.group {
+            return;
+        }
+        let moment = Moment { dt, ..self.moment() };
+        let Self { drives, particles, field, .. } = self;
+        for drive in drives {
+            act(&mut **drive, Acting { moment, field, particles });
+        }
     }
 
     /// Begins to add up what drives ask for; returns how many numbers each has asked for. Collective, if any has.
@@ -316,6 +337,7 @@ impl Simulation {
         // No time has passed: springs do not stretch.
         self.find_forces(0.0)?;
         self.show_forces(0.0);
+        self.act_after(0.0, |drive, acting| drive.push(acting));
         self.count_initial_energy();
         self.count_work_of_images(0.5 * self.dt);
         Ok(())
@@ -339,7 +361,10 @@ impl Simulation {
         let me = comm.rank();
         for Newcomers { count, make } in newcomers {
             for k in 0..*count {
-                let particle = make(k, &self.particles.library);
+                let mut particle = make(k, &self.particles.library);
+                if self.particles.needs.group {
+                    self.drives.iter().for_each(|drive| drive.admit(&mut particle));
+                }
                 if self.domain.owner(&particle.position) == me {
                     self.insert_within_step(&particle);
                 }
@@ -369,6 +394,7 @@ impl Simulation {
         let with_meshes = search::note_near_facets(&mut self.particles, listed);
         let mut found = search::close_pairs(&self.particles, listed);
         found.extend(with_meshes);
+        search::drop_held(&mut found, &self.particles);
         self.domain.keep_paired_ghosts(&mut self.particles, &mut found);
         self.domain.start_halo(&self.particles, comm);
         self.domain.finish_halo(&mut self.particles, comm);

@@ -6,6 +6,7 @@ use super::stiffening::{FOLLOWED_EVERY, Stiffening};
 use super::stop::Stop;
 use super::watch::{DEEPEST_ON_SURFACE, Fault};
 use super::{Simulation, StepError, steps_of};
+use crate::cell::AXES;
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
 use crate::drive::lists::Lists;
@@ -320,7 +321,8 @@ impl<'a> Records<'a> {
                 let scheduled = step == stage_begin || due(step, schedule.history_every);
                 schedule.resumed && (step < first_step || (step == first_step && scheduled))
             };
-            let own = counted(sim).map(|(name, _)| name).collect::<Vec<_>>();
+            let own = own_columns(sim, &Measures::default()).into_iter().map(|(name, _)| name);
+            let own = own.collect::<Vec<_>>();
             let walls = &sim.particles.walls;
             let history = History::open(&schedule.out, walls, sim.particles.cell, &own, keep)?;
             (Some(history), lists(sim, schedule)?)
@@ -351,7 +353,8 @@ impl<'a> Records<'a> {
         forces: &[Vec3],
     ) -> Result<(), TableError> {
         let Some(history) = &mut self.history else { return Ok(()) };
-        let own: Vec<f64> = counted(sim).map(|(_, number)| number).collect();
+        let own: Vec<f64> =
+            own_columns(sim, measures).into_iter().map(|(_, number)| number).collect();
         let (step, time, walls) = (sim.step, sim.time(), &*sim.particles.walls);
         history.push(&table::Row { step, time, measures, forces, walls, own: &own })
     }
@@ -577,6 +580,23 @@ fn lists(sim: &mut Simulation, schedule: &Schedule) -> Result<Vec<List>, TableEr
     let keep = |step: u64| schedule.resumed && step <= last;
     let all = sim.all_observers_mut().filter_map(|observer| observer.lists());
     all.flat_map(|lists| lists.names()).map(|name| List::open(&schedule.out, name, keep)).collect()
+}
+
+/// The columns of the history that only some scenes have: forces on groups, and what drives have counted.
+fn own_columns(sim: &Simulation, measures: &Measures) -> Vec<(String, f64)> {
+    let of_groups = sim.particles.groups.iter().enumerate().flat_map(|(k, group)| {
+        let three = |what: &str, all: &[Vec3], unit: &str| {
+            let vector = all.get(k).copied().unwrap_or_default();
+            AXES.iter()
+                .zip(vector.iter())
+                .map(|(axis, number)| (format!("{what}_{}_{axis}_{unit}", group.name), *number))
+                .collect::<Vec<_>>()
+        };
+        let torque = group.about.map(|_| three("torque", &measures.group_torques, "N_m"));
+        let force = three("force", &measures.group_forces, "N");
+        force.into_iter().chain(torque.into_iter().flatten())
+    });
+    of_groups.chain(counted(sim)).collect()
 }
 
 /// What drives have counted: columns of the history and numbers.

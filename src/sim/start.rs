@@ -72,7 +72,7 @@ fn cut_by_triangles(sim: &Simulation, found: &mut Vec<TooDeep>) {
         let frame = wall.frame();
         let (shape, wall_at) = (&particles.library.shapes[mesh.shape.index()], wall.point);
         let b = Posed::new(shape, &frame);
-        for slot in 0..particles.owned {
+        for slot in (0..particles.owned).filter(|&slot| !particles.is_held(slot)) {
             let a = Slot(slot as u32);
             let kind = bodies.shape_of(a).kind();
             // A support function does not know the dents of a union.

@@ -70,7 +70,8 @@ impl Stop {
         }
         // In the moments at the end of a rebound when a dashpot has taken all the force, grains touch but carry nothing.
         let carries = measures.mean_normal_force != 0.0
-            || measures.wall_forces.iter().any(|f| *f != Vec3::zeros());
+            || measures.wall_forces.iter().any(|f| *f != Vec3::zeros())
+            || measures.group_forces.iter().any(|f| *f != Vec3::zeros());
         if of_contacts && !carries {
             unmet.push("no contact carries a force".to_owned());
         }

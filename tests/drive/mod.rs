@@ -2,6 +2,7 @@
 
 mod drives;
 mod flows;
+mod groups;
 mod rain;
 mod servo;
 mod servo_of_force;

@@ -26,6 +26,7 @@ pub(super) fn some_particles(table: &ParticleTable, rows: &[usize]) -> ParticleT
         id: pick(&table.id, rows),
         shape: pick(&table.shape, rows),
         scale: pick(&table.scale, rows),
+        group: pick(&table.group, rows),
         position: pick(&table.position, rows),
         velocity: pick(&table.velocity, rows),
         force: pick(&table.force, rows),

@@ -11,8 +11,18 @@ use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 
-const FOLDERS: [&str; 9] =
-    ["heap", "mixture", "shear", "triaxial", "incline", "polyhedra", "hopper", "drum", "silo"];
+const FOLDERS: [&str; 10] = [
+    "heap",
+    "mixture",
+    "shear",
+    "triaxial",
+    "incline",
+    "polyhedra",
+    "hopper",
+    "drum",
+    "silo",
+    "groups",
+];
 
 /// The stages before have not been run, and need not have been.
 const NOWHERE: &str = "no snapshot";
@@ -173,6 +183,43 @@ fn heap_and_mixture_begin_to_rain() {
         let measures = sim.measure(&mut Alone::default());
         assert!(measures.missing().abs() < 1e-3 * measures.kinetic(), "{name}: {measures:?}");
     }
+}
+
+/// Grains flow over glued ones, which stay; a stream presses on a post; an intruder goes on through its bed.
+#[test]
+fn held_grains_stay_or_go_their_way() {
+    let rough = run(&read("groups/rough.toml", &[]), 6000);
+    let owned = 0..rough.particles.owned;
+    let (mut speed, mut free) = (0.0, 0);
+    for slot in owned {
+        let place = rough.particles.position[slot];
+        assert!(place.z > 0.0015, "{place}");
+        if rough.particles.is_held(slot) {
+            assert!((place.z - 0.002).abs() < 2.1e-4, "{place}");
+        } else {
+            (speed, free) = (speed + rough.particles.velocity[slot].x, free + 1);
+        }
+    }
+    assert!(free == 480 && speed / f64::from(free) > 0.01, "{free} at {speed} m/s");
+
+    let deep =
+        ["fill.lattice.1.first=[0.015, 0.015, 0.056]", "fill.lattice.0.high=[0.03, 0.03, 0.05]"];
+    let intruder = run(&read("groups/intruder.toml", &deep), 20_000);
+    let slot = (0..intruder.particles.owned).find(|&slot| intruder.particles.is_held(slot));
+    let place = intruder.particles.position[slot.unwrap()];
+    assert!((place.z - (0.056 - 0.2 * intruder.time())).abs() < 1e-12, "{place}");
+    let measures = intruder.measure(&mut Alone::default());
+    assert!(measures.group_forces[0].z > 0.0, "{measures:?}");
+
+    let stream = ["inlet.top.low=[0.03, 0.002, 0.004]", "inlet.top.high=[0.04, 0.028, 0.02]"];
+    let chute = run(&read("groups/obstacle.toml", &stream), 15_000);
+    let mut past = 0;
+    for slot in (0..chute.particles.owned).filter(|&slot| !chute.particles.is_held(slot)) {
+        let place = chute.particles.position[slot];
+        assert!((place.x - 0.06).hypot(place.y - 0.015) > 0.0053, "{place}");
+        past += u32::from(place.x > 0.065);
+    }
+    assert!(past > 10, "{past} are past the post");
 }
 
 /// Grains fall through a hopper's opening only, are carried up by a drum on the side that rises, and stay in a silo.

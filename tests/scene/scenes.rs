@@ -310,14 +310,15 @@ fn every_key_arrives() {
     assert_eq!(
         library.names,
         [
-            "ball", "bead", "egg", "rice", "brick", "pebble", "-y", "+y", "-z", "lid", "trough",
-            "trough", "flap", "piston"
+            "ball", "bead", "egg", "rice", "brick", "pebble", "ball", "bead", "egg", "rice",
+            "brick", "pebble", "-y", "+y", "-z", "lid", "trough", "trough", "flap", "piston"
         ]
     );
-    assert_eq!(library.particle_shapes, 6);
-    assert!(library.mass[6..13].iter().all(|&mass| mass == f64::INFINITY));
-    assert_eq!(library.mass[13], 0.2);
-    assert!(library.inertia[6..].iter().all(|inertia| inertia.x == f64::INFINITY));
+    // Held particles have shapes of their own.
+    assert_eq!((library.particle_shapes, library.own_shapes()), (12, 6));
+    assert!(library.mass[12..19].iter().all(|&mass| mass == f64::INFINITY));
+    assert_eq!(library.mass[19], 0.2);
+    assert!(library.inertia[12..].iter().all(|inertia| inertia.x == f64::INFINITY));
     let rice = library.shapes[3].semi_axes();
     assert!((rice.x / rice.y - 3.0).abs() < 1e-15 && rice.y == rice.z, "{rice}");
     assert!((rice.product() - 0.004_f64.powi(3)).abs() < 1e-22, "{rice}");
@@ -466,7 +467,7 @@ fn wrong_overrides_are_named() {
         (
             "stopp.rest=1e-6",
             "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
-             global_damping, start, like, include, folder, domain, wall, motion, servo, material, interaction, shape, contact, law, time, stop, neighbours, audit, output, inlet, outlet, fill)",
+             global_damping, start, like, include, folder, domain, wall, motion, servo, material, interaction, shape, contact, law, time, stop, neighbours, audit, output, inlet, outlet, group, fill)",
         ),
         ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),
         (
@@ -978,7 +979,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "no gravity",
         "no insertion: no rain, no inlet",
         "no work of walls: none moves",
-        "not in snapshots: scale, quaternion, angular_velocity, torque, dissipated_by_tangential_dashpots, dissipated_by_friction, dissipated_by_turning, \
+        "not in snapshots: scale, group, quaternion, angular_velocity, torque, dissipated_by_tangential_dashpots, dissipated_by_friction, dissipated_by_turning, \
          dissipated_by_damping, dissipated_by_adhesion, image, angular_momentum",
         "no walls on these sides of the domain: -x, +x, -y, +y, -z, +z",
         &bytes,
@@ -1004,6 +1005,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         turning: false,
         damping: true,
         adhesion: false,
+        group: true,
     };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);

@@ -107,7 +107,8 @@ impl Running {
         let quaternion = orientations.draw(&mut random);
         let off = Vec3::from_fn(|_, _| spread * random.signed());
         let still = Particle::at_rest(GlobalId(0), shape, Vec3::zeros());
-        let grain = Particle { scale, quaternion, velocity: velocity + off, ..still };
+        let group = self.inlet.group;
+        let grain = Particle { scale, group, quaternion, velocity: velocity + off, ..still };
         if *spin == 0.0 {
             return grain;
         }

@@ -51,6 +51,8 @@ pub struct Inlet {
     pub orientations: Orientations,
     /// Does it keep a list of its grains?
     pub list: bool,
+    /// Number of the group of its grains, from 1; 0 if none names it.
+    pub group: u16,
 }
 
 impl Inlet {
@@ -153,6 +155,7 @@ mod tests {
                 spin: 0.0,
                 orientations: Orientations::Random,
                 list: false,
+                group: 0,
             };
             let first = (begin / dt).round() as u64;
             for step in first..first + 1000 {

@@ -39,6 +39,8 @@ pub struct Needs {
     pub damping: bool,
     /// What adhesion has taken where contacts begin and end: a law that loses energy there.
     pub adhesion: bool,
+    /// Numbers of groups: particles that are held or pushed.
+    pub group: bool,
 }
 
 impl Needs {
@@ -74,10 +76,11 @@ const fn field<T>(
 }
 
 /// All of them. Sorting, taking out, stripping, trimming and counting bytes follow.
-static FIELDS: [Field; 15] = [
+static FIELDS: [Field; 16] = [
     field::<GlobalId>(Presence::Always, |p| Some(&p.id), |p| Some(&mut p.id)),
     field::<ShapeId>(Presence::Always, |p| Some(&p.shape), |p| Some(&mut p.shape)),
     field::<f64>(Presence::If(|needs| needs.scale), |p| Some(&p.scale), |p| Some(&mut p.scale)),
+    field::<u16>(Presence::If(|needs| needs.group), |p| Some(&p.group), |p| Some(&mut p.group)),
     field::<Standing>(Presence::Always, |p| Some(&p.standing), |p| Some(&mut p.standing)),
     field::<Vec3>(Presence::Always, |p| Some(&p.position), |p| Some(&mut p.position)),
     field::<Vec3>(Presence::Always, |p| Some(&p.velocity), |p| Some(&mut p.velocity)),

@@ -76,6 +76,15 @@ pub fn trim<T>(list: &mut Vec<T>) {
     }
 }
 
+/// Particles with a name, which are held or pushed together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Group {
+    /// Its name in the scene.
+    pub name: String,
+    /// About what the torque on it is taken: where its reference point is now, if it turns [m].
+    pub about: Option<Vec3>,
+}
+
 /// All bodies of a rank.
 #[derive(Clone, Debug)]
 pub struct Particles {
@@ -93,6 +102,8 @@ pub struct Particles {
     pub shape: Vec<ShapeId>,
     /// Lengths of each body over those of its shape; 1 of walls [-]. Length: all slots, or none.
     pub scale: Vec<f64>,
+    /// Number of the group of each, from 1; 0 of those in none. Length: owned or none.
+    pub group: Vec<u16>,
     /// In the order of space. Length: all slots.
     pub standing: Vec<Standing>,
     /// Centres, wrapped into the domain along periodic axes [m]. Length: all slots.
@@ -120,6 +131,8 @@ pub struct Particles {
     pub cell: Cell,
     /// The walls, the same on all ranks.
     pub walls: Vec<Wall>,
+    /// The groups, by their numbers, the same on all ranks.
+    pub groups: Vec<Group>,
     /// Of their facets.
     pub facets: FacetColumns,
     /// Of pieces of unions.
@@ -143,6 +156,7 @@ impl Particles {
             id: Vec::new(),
             shape: Vec::new(),
             scale: Vec::new(),
+            group: Vec::new(),
             standing: Vec::new(),
             position: Vec::new(),
             velocity: Vec::new(),
@@ -155,6 +169,7 @@ impl Particles {
             orientation: needs.orientation.then(Orientation::default),
             cell,
             walls,
+            groups: Vec::new(),
             facets: FacetColumns::default(),
             pieces: PieceColumns::default(),
             near_facets: Vec::new(),
@@ -213,6 +228,17 @@ impl Particles {
     #[inline]
     pub fn scale_of(&self, slot: usize) -> f64 {
         if self.needs.scale { self.scale[slot] } else { 1.0 }
+    }
+
+    /// Is it a particle that is held on its course, whatever acts on it?
+    #[inline]
+    pub fn is_held(&self, slot: usize) -> bool {
+        self.library.is_held(self.shape[slot])
+    }
+
+    /// The place of the group of an owned particle in the list of groups, if it belongs to one.
+    pub fn group_of(&self, slot: usize) -> Option<usize> {
+        (*self.group.get(slot)? as usize).checked_sub(1)
     }
 
     /// Radius of the smallest sphere about the centre of a body [m].
@@ -292,6 +318,7 @@ impl Particles {
             id,
             shape,
             scale,
+            group,
             position,
             velocity,
             force,
@@ -312,6 +339,9 @@ impl Particles {
         self.shape.push(*shape);
         if self.needs.scale {
             self.scale.push(*scale);
+        }
+        if self.needs.group {
+            self.group.push(*group);
         }
         self.standing.push(*standing);
         self.position.push(*position);
@@ -349,6 +379,7 @@ impl Particles {
             id: self.id[slot],
             shape: self.shape[slot],
             scale: self.scale_of(slot),
+            group: self.group.get(slot).copied().unwrap_or_default(),
             position: self.position[slot],
             velocity: self.velocity[slot],
             force: self.force[slot].vector,

@@ -8,7 +8,7 @@
 //! | orientation | x | x, if a shape needs it | x, if a shape needs it |
 //! | angular momentum | x, unless all are spheres | | |
 //! | angular velocity | x, if all are spheres | x, if a law needs it | x, if a law needs it |
-//! | force, torque, what has accumulated, image | x | | |
+//! | group, force, torque, what has accumulated, image | x | | |
 //! | records of touching contacts | x | | |
 
 use super::Particles;
@@ -29,6 +29,8 @@ pub struct Particle {
     pub shape: ShapeId,
     /// Lengths over those of the shape [-].
     pub scale: f64,
+    /// Number of its group, from 1; 0 if it belongs to none.
+    pub group: u16,
     /// Centre [m].
     pub position: Vec3,
     /// [m/s].
@@ -58,6 +60,7 @@ impl Particle {
             id,
             shape,
             scale: 1.0,
+            group: 0,
             position,
             velocity: Vec3::zeros(),
             force: Vec3::zeros(),

@@ -39,6 +39,8 @@ pub struct Library {
     pub most: Vec<f64>,
     /// How many of them belong to particles.
     pub particle_shapes: usize,
+    /// How many of those are of held particles: the last, copies of the others in their order ([`Library::add_held`]).
+    pub held_shapes: usize,
     /// Of the next ones, which are pieces: the shape of the body, and the number of the piece in it. The rest are facets of walls.
     pub pieces: Vec<(ShapeId, u16)>,
 }
@@ -83,9 +85,8 @@ impl Library {
         ShapeId((self.shapes.len() - 1) as u16)
     }
 
-    /// Ends the shapes of particles: those after them are pieces of unions, which are added here, and facets of walls.
-    pub fn end_particle_shapes(&mut self) {
-        self.particle_shapes = self.shapes.len();
+    /// Adds the pieces of unions after the shapes of particles, those of held ones with infinite mass. Walls must not be there yet.
+    pub fn add_pieces(&mut self) {
         for of in 0..self.particle_shapes {
             let Shape::Union(body) = &self.shapes[of] else { continue };
             let pieces: Vec<Shape> =
@@ -93,7 +94,7 @@ impl Library {
             for (number, shape) in pieces.into_iter().enumerate() {
                 let name = format!("{}, piece {}", self.names[of], number + 1);
                 let id = self.push(&name, shape, self.materials[of], 0.0);
-                self.mass[id.index()] = self.mass[of];
+                self.mass[id.index()] = self.mass_in_contacts(ShapeId(of as u16), 1.0);
                 self.inertia[id.index()] = self.inertia[of];
                 self.pieces.push((ShapeId(of as u16), number as u16));
             }
@@ -134,8 +135,79 @@ impl Library {
 
     /// Makes room for a particle of this scale.
     pub fn admit(&mut self, shape: ShapeId, scale: f64) {
-        let [least, largest] = &mut self.scales[shape.index()];
-        (*least, *largest) = (least.min(scale), largest.max(scale));
+        let own = self.free(shape);
+        for shape in [own, self.held(own)] {
+            let [least, largest] = &mut self.scales[shape.index()];
+            (*least, *largest) = (least.min(scale), largest.max(scale));
+        }
+    }
+
+    /// Makes room for so many particles of a shape of the scene, or of held ones, if all of that shape are held.
+    pub fn admit_number(&mut self, shape: ShapeId, count: f64) {
+        let all_held = self.held_shapes > 0 && self.most[shape.index()] == 0.0;
+        let shape = if all_held { self.held(shape) } else { shape };
+        let most = &mut self.most[shape.index()];
+        *most = most.max(count);
+    }
+
+    /// How many particles of a shape of the scene there can be, held or not.
+    pub fn most_of(&self, shape: ShapeId) -> f64 {
+        self.most[shape.index()].max(self.most[self.held(shape).index()])
+    }
+
+    /// Gives each shape a copy for particles that are held. A contact with one of those is one with a body of infinite mass.
+    /// `held` says of a shape whether any of its particles may be held, and whether all are. Walls must not be there yet.
+    pub fn add_held(&mut self, held: impl Fn(ShapeId) -> [bool; 2]) {
+        let own = self.particle_shapes;
+        self.shapes.extend_from_within(..own);
+        self.names.extend_from_within(..own);
+        self.materials.extend_from_within(..own);
+        self.radius.extend_from_within(..own);
+        self.curvature_radius.extend_from_within(..own);
+        self.mass.extend_from_within(..own);
+        self.inertia.extend_from_within(..own);
+        self.sizes.extend_from_within(..own);
+        self.scales.extend_from_within(..own);
+        self.most.extend_from_within(..own);
+        for shape in 0..own {
+            let [may_be_held, all_are_held] = held(ShapeId(shape as u16));
+            if !may_be_held {
+                self.most[own + shape] = 0.0;
+            }
+            if all_are_held {
+                self.most[shape] = 0.0;
+            }
+        }
+        (self.particle_shapes, self.held_shapes) = (2 * own, own);
+    }
+
+    /// How many shapes of particles the scene has.
+    pub const fn own_shapes(&self) -> usize {
+        self.particle_shapes - self.held_shapes
+    }
+
+    /// Is it the shape of held particles?
+    #[inline]
+    pub const fn is_held(&self, shape: ShapeId) -> bool {
+        let index = shape.0 as usize;
+        index < self.particle_shapes && index + self.held_shapes >= self.particle_shapes
+    }
+
+    /// The shape of particles that are held, of a shape of the scene.
+    pub const fn held(&self, shape: ShapeId) -> ShapeId {
+        ShapeId(shape.0 + self.held_shapes as u16)
+    }
+
+    /// The shape of the scene, of one that may be that of held particles.
+    #[inline]
+    pub const fn free(&self, shape: ShapeId) -> ShapeId {
+        if self.is_held(shape) { ShapeId(shape.0 - self.held_shapes as u16) } else { shape }
+    }
+
+    /// Mass of a particle as its contacts feel it: infinite if it is held [kg].
+    #[inline]
+    pub fn mass_in_contacts(&self, shape: ShapeId, scale: f64) -> f64 {
+        if self.is_held(shape) { f64::INFINITY } else { self.mass_at(shape, scale) }
     }
 
     /// May a particle have another size than its shape?

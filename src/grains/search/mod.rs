@@ -230,6 +230,16 @@ pub fn in_order(Pair { a, b }: Pair, places: &[u32]) -> (u32, u32) {
     (a.min(b), a.max(b))
 }
 
+/// Leaves out pairs of which both are held, or one is and the other belongs to a wall: no force between them moves anything.
+pub fn drop_held(found: &mut Vec<Pair>, particles: &Particles) {
+    if particles.library.held_shapes == 0 {
+        return;
+    }
+    let moves =
+        |slot: Slot| slot.index() < particles.first_facet() && !particles.is_held(slot.index());
+    found.retain(|pair| moves(pair.a) || moves(pair.b));
+}
+
 /// How far the surfaces of a pair can have come nearer since it was listed [m].
 #[inline]
 fn travel(pair: Pair, particles: &Particles) -> f64 {

@@ -236,6 +236,11 @@ impl Table {
         begin - first + cubic
     }
 
+    /// The value of its rows at a time [s]; that of the last after it.
+    pub fn value(&self, time: f64) -> f64 {
+        self.values[0] + self.at(time)
+    }
+
     fn first_rate(&self) -> f64 {
         self.rates.as_ref().map_or_else(|| self.slope(1), |rates| rates[0])
     }

@@ -1,0 +1,454 @@
+//! Groups: particles that are held on a course, or pushed.
+//!
+//! A particle belongs to the first group of the scene that names it. That is decided where a stage begins, or where the particle
+//! appears; the number of the group then stays with it ([`Particle::group`]).
+//!
+//! # Held particles
+//!
+//! They stand still, or move as one rigid body by a [`Course`]. Positions come from those of the step before and from differences of
+//! the course, so a particle that stands still keeps its bits. Like walls they have velocities that are means over a step, feel no
+//! gravity and no damping, and have no energy of their own. Their work on other particles is received, half of it in each half of a
+//! step: minus force times velocity, and torque times angular velocity.
+//!
+//! Contact laws see an infinite mass: a held particle has a shape of its own in the library
+//! ([`crate::population::Library::add_held`]). Pairs of two of them, or of one and a wall, are never listed.
+//!
+//! # Pushed particles
+//!
+//! A force, a torque and the drag of a fluid ([`push`]) are added to those of the contacts, and then act in both halves of the step.
+//! Work of force and torque is received. Drag `D` on a particle of velocity `v` in a fluid of velocity `u` dissipates `-D · (v - u)`,
+//! which counts as damping; the rest, `D · u`, is received.
+
+mod idle;
+pub mod push;
+
+pub use push::{Drag, DragLaw, Load, Push};
+
+use super::region::Region;
+use super::{Acting, Drive, DriveError, Observer, Reporter, Restart, SavedColumn, Steering, View};
+use crate::cell::Cell;
+use crate::comm::Comm;
+use crate::contact::StateColumn;
+use crate::ids::ShapeId;
+use crate::math::{Quat, Vec3};
+use crate::motion::{self, Farthest};
+use crate::particles::Particles;
+use crate::particles::columns::Quantity;
+use crate::particles::records::Particle;
+use crate::population::Library;
+use crate::shape::Kind;
+use crate::walls::Wall;
+use crate::walls::courses::Course;
+use idle::Idle;
+use serde::{Deserialize, Serialize};
+
+/// Name of the drive, and of its state in snapshots.
+pub const NAME: &str = "groups";
+/// The names of the groups in a snapshot.
+pub const NAMES: StateColumn = StateColumn::new("name", 1, "1");
+/// Whether each is held: 1, or 0.
+pub const HELD: StateColumn = StateColumn::new("held", 1, "1");
+
+/// Particles, and what is done to them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Group {
+    /// Its name in the scene.
+    pub name: String,
+    /// The particles.
+    pub who: Who,
+    /// Their motion.
+    pub what: What,
+}
+
+/// The particles that a group names: all of this holds for each.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Who {
+    /// Shapes; any if empty.
+    pub shapes: Vec<ShapeId>,
+    /// Where centres are when the stage begins.
+    pub region: Option<Region>,
+    /// First and last ids; any if empty.
+    pub ids: Vec<[u64; 2]>,
+    /// Those that come through its inlets, and no others. An [`Inlet`](super::inlet::Inlet) knows its group.
+    pub by_inlet: bool,
+}
+
+/// The motion of the particles of a group.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum What {
+    /// They are on a course, whatever acts on them.
+    Held(Path),
+    /// They move freely, and something pushes them.
+    Pushed(Push),
+}
+
+impl What {
+    /// In words, as a plan tells it.
+    pub fn words(&self) -> String {
+        match self {
+            Self::Held(path) if path.is_still() => "fixed".to_owned(),
+            Self::Held(path) => format!("moved {}", path.course.summary()),
+            Self::Pushed(push) => push.words(),
+        }
+    }
+}
+
+/// The motion of a rigid body in the time since the stage began.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Path {
+    /// Shifts of the reference point, and the turn about it.
+    pub course: Course,
+    /// The reference point when the stage begins [m].
+    pub about: Vec3,
+}
+
+impl Path {
+    /// Does it stand still for ever?
+    pub const fn is_still(&self) -> bool {
+        self.course.shifts.is_empty() && self.course.turn.is_none()
+    }
+
+    /// Where the reference point is at a time of the stage [s], in m.
+    fn about(&self, time: f64) -> Vec3 {
+        self.about + self.course.shift(time)
+    }
+}
+
+impl Group {
+    /// Is it held?
+    pub const fn is_held(&self) -> bool {
+        matches!(self.what, What::Held(_))
+    }
+
+    /// Does it turn?
+    pub const fn turns(&self) -> bool {
+        matches!(&self.what, What::Held(path) if path.course.turn.is_some())
+    }
+
+    /// The push; `None` if the group is held.
+    pub const fn push(&self) -> Option<&Push> {
+        if let What::Pushed(push) = &self.what { Some(push) } else { None }
+    }
+
+    /// Can it have particles of a shape when a stage begins?
+    pub fn may_have(&self, shape: ShapeId) -> bool {
+        !self.who.by_inlet && (self.who.shapes.is_empty() || self.who.shapes.contains(&shape))
+    }
+
+    /// Does it take particles that appear within the stage by their shapes?
+    pub const fn takes_newcomers(&self) -> bool {
+        !self.who.by_inlet && self.who.region.is_none() && self.who.ids.is_empty()
+    }
+
+    /// Does it name a particle that is there when the stage begins?
+    fn names(&self, particle: &Particle, cell: &Cell) -> bool {
+        let Who { region, ids, .. } = &self.who;
+        let id = particle.id.0;
+        self.may_have(particle.shape)
+            && region.as_ref().is_none_or(|region| region.holds(&particle.position, cell))
+            && (ids.is_empty() || ids.iter().any(|&[first, last]| (first..=last).contains(&id)))
+    }
+}
+
+/// May particles of a shape be held, and are all of them?
+pub fn held_of(groups: &[Group], shape: ShapeId) -> [bool; 2] {
+    let mut naming = groups.iter().filter(|group| group.may_have(shape)).peekable();
+    let mut may_be = false;
+    while let Some(group) = naming.next_if(|group| group.is_held()) {
+        may_be = true;
+        if group.takes_newcomers() {
+            return [true, true];
+        }
+    }
+    [may_be || naming.any(Group::is_held), false]
+}
+
+/// Gives a particle with a shape of the scene the shape that it has in a group.
+pub fn take_shape(groups: &[Group], particle: &mut Particle, library: &Library) {
+    let group = groups.get(usize::from(particle.group).wrapping_sub(1));
+    if group.is_some_and(Group::is_held) {
+        particle.shape = library.held(particle.shape);
+    }
+}
+
+/// Puts a particle into the first group that names it where a stage begins. One that is held gets the velocities of its course.
+pub fn join(groups: &[Group], particle: &mut Particle, library: &Library, cell: &Cell) {
+    let found = groups.iter().position(|group| group.names(particle, cell));
+    particle.group = found.map_or(0, |k| k as u16 + 1);
+    take_shape(groups, particle, library);
+    if let Some(What::Held(path)) = found.map(|k| &groups[k].what) {
+        let (velocity, turning) = path.course.first_velocities();
+        particle.velocity = velocity + turning.cross(&(particle.position - path.about));
+        *particle = particle.clone().spinning(turning, library);
+    }
+}
+
+/// The groups of a running simulation.
+#[derive(Clone, Debug)]
+pub struct Groups {
+    all: Vec<Group>,
+    /// Held particles of this rank while the others are kicked.
+    idle: Vec<Idle>,
+    /// Has it been seen that each group has particles?
+    counted: bool,
+}
+
+impl Groups {
+    /// Groups of a stage that begins.
+    pub const fn new(groups: Vec<Group>) -> Self {
+        Self { all: groups, idle: Vec::new(), counted: false }
+    }
+
+    /// Slots of the particles of this rank that belong to groups, and what is done to them.
+    fn members<'a>(
+        &'a self,
+        particles: &Particles,
+    ) -> impl Iterator<Item = (usize, &'a What)> + use<'a> {
+        let groups: Vec<(usize, usize)> = (0..particles.owned)
+            .filter_map(|slot| Some((slot, particles.group_of(slot)?)))
+            .collect();
+        groups.into_iter().map(|(slot, group)| (slot, &self.all[group].what))
+    }
+
+    /// How the reference point and the axes of each group go on in a step of `dt` [s] from a time of the stage [s].
+    fn strides(&self, time: f64, dt: f64) -> Vec<Option<Stride>> {
+        let of = |group: &Group| match &group.what {
+            What::Held(path) if !path.is_still() => Some(Stride::of(path, time, dt)),
+            _ => None,
+        };
+        self.all.iter().map(of).collect()
+    }
+}
+
+/// How a rigid body goes on in a step.
+struct Stride {
+    dt: f64,
+    /// Where its reference point is before [m].
+    about: Vec3,
+    /// [m]
+    shift: Vec3,
+    /// About the reference point; `None` if it does not turn.
+    turn: Option<Quat>,
+    /// Mean velocity of the reference point [m/s], and mean angular velocity [rad/s].
+    velocities: (Vec3, Vec3),
+}
+
+impl Stride {
+    fn of(path: &Path, time: f64, dt: f64) -> Self {
+        let Path { course, .. } = path;
+        Self {
+            dt,
+            about: path.about(time),
+            shift: course.shift(time + dt) - course.shift(time),
+            turn: course.turn.is_some().then(|| course.rotation(time, time + dt)),
+            velocities: course.mean_velocities(time + dt, dt),
+        }
+    }
+
+    /// Carries a particle along, which keeps velocities that are means over the step.
+    fn carry(&self, particles: &mut Particles, slot: usize, farthest: &mut Farthest) {
+        let (mut velocity, turning) = self.velocities;
+        let from = particles.position[slot];
+        let mut way = self.shift;
+        if let Some(spin) = &mut particles.spin {
+            spin.angular_velocity[slot] = turning;
+        }
+        if let Some(turn) = &self.turn {
+            let arm = from - self.about;
+            let swing = turn * arm - arm;
+            way += swing;
+            velocity += swing / self.dt;
+            self.turn(particles, slot, turn, farthest);
+        }
+        let to = from + way;
+        particles.position[slot] = to;
+        particles.velocity[slot] = velocity;
+        let moved = (to - from).norm();
+        particles.travel[slot] += moved;
+        if moved > farthest.moved.0 {
+            farthest.moved = (moved, slot);
+        }
+    }
+
+    fn turn(&self, particles: &mut Particles, slot: usize, turn: &Quat, farthest: &mut Farthest) {
+        let (_, turning) = self.velocities;
+        let (scale, inertia) = (particles.scale_of(slot), particles.inertia(slot));
+        let Particles { spin, orientation, library, shape, travel, .. } = particles;
+        let (Some(spin), Some(orientation)) = (spin, orientation) else { return };
+        let turned = (turn * orientation.quaternion[slot]).into_inner();
+        let quaternion = Quat::new_normalize(turned);
+        let kind = &library.shapes[shape[slot].index()];
+        orientation.set(slot, quaternion, kind, scale);
+        let local = quaternion.inverse_transform_vector(&turning);
+        let momentum = quaternion * inertia.component_mul(&local);
+        spin.angular_momentum[slot] = momentum;
+        if kind.kind() != Kind::Sphere {
+            let angle = turning.norm() * self.dt;
+            travel[slot] += library.radius[shape[slot].index()] * scale * angle;
+            if angle > farthest.turned.0 {
+                farthest.turned = (angle, slot);
+            }
+        }
+        // As a new owner finds it again.
+        let turning = particles.angular_velocity_for(slot, &momentum);
+        if let Some(spin) = &mut particles.spin {
+            spin.angular_velocity[slot] = turning;
+        }
+    }
+}
+
+/// Counts as received what a held particle does to its partners in a time [s].
+fn count_work_of_held(particles: &mut Particles, slot: usize, time: f64) {
+    let mut power = particles.force[slot].vector.dot(&particles.velocity[slot]);
+    if let Some(spin) = &particles.spin {
+        power += spin.torque[slot].vector.dot(&spin.angular_velocity[slot]);
+    }
+    particles.accumulated[Quantity::Received][slot] -= time * power;
+}
+
+impl Drive for Groups {
+    fn sums(&self, view: &View) -> Vec<i64> {
+        if self.counted {
+            return Vec::new();
+        }
+        let mut counts = vec![0; self.all.len()];
+        let particles = view.particles;
+        for group in (0..particles.owned).filter_map(|slot| particles.group_of(slot)) {
+            counts[group] += 1;
+        }
+        counts
+    }
+
+    fn steer(&mut self, steering: Steering) -> Result<(), DriveError> {
+        self.counted = true;
+        for (Group { name, who, .. }, count) in self.all.iter().zip(steering.sums) {
+            if *count == 0 && !who.by_inlet {
+                return Err(DriveError(format!(
+                    "group `{name}` has no particle: none that is there when the stage begins is named by its `shapes`, `region` and `ids`, \
+                     or all that are belong to groups before it"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn lead(&mut self, Acting { moment, field, particles }: Acting) {
+        let half = 0.5 * moment.dt;
+        let mut idle = Vec::new();
+        for (slot, what) in self.members(particles) {
+            match what {
+                What::Held(_) => idle.push(Idle::begin(particles, slot, field)),
+                What::Pushed(push) if !push.is_nothing() => {
+                    let acts =
+                        push.on(particles, slot, &particles.velocity[slot], moment.stage_time);
+                    let (velocity, turning) = push::after_first_kick(particles, slot, field, half);
+                    acts.count_work(particles, slot, (velocity, turning), half);
+                }
+                What::Pushed(_) => {}
+            }
+        }
+        self.idle = idle;
+    }
+
+    fn place(&mut self, Acting { moment, particles, .. }: Acting, farthest: &mut Farthest) {
+        let strides = self.strides(moment.stage_time, moment.dt);
+        for idle in std::mem::take(&mut self.idle) {
+            let slot = idle.end(particles);
+            let group = particles.group_of(slot).unwrap_or_default();
+            if let Some(stride) = &strides[group] {
+                stride.carry(particles, slot, farthest);
+                count_work_of_held(particles, slot, 0.5 * moment.dt);
+            } else {
+                idle::stop(particles, slot);
+            }
+        }
+        if strides.iter().any(Option::is_some) {
+            motion::wrap(particles);
+        }
+    }
+
+    fn push(&mut self, Acting { moment, field, particles }: Acting) {
+        let half = 0.5 * moment.dt;
+        for (group, place) in self.all.iter().zip(&mut particles.groups) {
+            if let What::Held(path) = &group.what {
+                place.about = group.turns().then(|| path.about(moment.stage_time));
+            }
+        }
+        let mut idle = Vec::new();
+        for (slot, what) in self.members(particles) {
+            match what {
+                // At the start of a stage nothing is kicked.
+                What::Held(_) if moment.dt > 0.0 => {
+                    count_work_of_held(particles, slot, half);
+                    idle.push(Idle::begin(particles, slot, field));
+                }
+                What::Pushed(push) if !push.is_nothing() => {
+                    let before = particles.velocity[slot];
+                    let after =
+                        push.velocity_after(particles, slot, field, (moment.stage_time, half));
+                    let acts = push.on(particles, slot, &after, moment.stage_time);
+                    if moment.dt > 0.0 {
+                        let turning = (particles.spin.as_ref())
+                            .map_or_else(Vec3::zeros, |spin| spin.angular_velocity[slot]);
+                        acts.count_work(particles, slot, (before, turning), half);
+                    }
+                    acts.add_to(particles, slot);
+                }
+                _ => {}
+            }
+        }
+        self.idle = idle;
+    }
+
+    fn settle(&mut self, Acting { particles, .. }: Acting) {
+        for idle in std::mem::take(&mut self.idle) {
+            idle.end(particles);
+        }
+    }
+
+    fn admit(&self, newcomer: &mut Particle) {
+        if newcomer.group == 0 {
+            let takes = |group: &Group| group.takes_newcomers() && group.may_have(newcomer.shape);
+            newcomer.group = self.all.iter().position(takes).map_or(0, |k| k as u16 + 1);
+        }
+    }
+}
+
+impl Observer for Groups {}
+
+impl Reporter for Groups {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
+        vec![
+            SavedColumn::texts(NAMES, self.all.iter().map(|group| group.name.clone())),
+            SavedColumn::counts(HELD, self.all.iter().map(|group| u64::from(group.is_held()))),
+        ]
+    }
+
+    fn resume(&mut self, restart: &Restart, _walls: &mut [Wall]) -> Result<(), DriveError> {
+        if restart.is_new_stage {
+            return Ok(());
+        }
+        self.counted = true;
+        let names = restart.saved.texts(&NAMES)?;
+        if names.iter().ne(self.all.iter().map(|group| &group.name)) {
+            return Err(other_groups(&names.join(", ")));
+        }
+        Ok(())
+    }
+
+    fn joins(&mut self) -> Result<(), DriveError> {
+        Err(other_groups("none"))
+    }
+}
+
+/// That a stage cannot go on with other groups than `before`.
+pub fn other_groups(before: &str) -> DriveError {
+    DriveError(format!(
+        "the stage began with other groups: {before}. Particles join a group where a stage begins: give the scene the same [[group]] \
+         names, or begin a new stage with the snapshot, `start` in the scene"
+    ))
+}
