@@ -108,7 +108,8 @@ pub struct Domain {
 impl Domain {
     /// A cell cut evenly among all ranks; `halo` is the halo width, largest reach plus skin [m].
     pub fn new(cell: &Cell, halo: f64, comm: &dyn Comm) -> Self {
-        let cuts = Cuts::even(cell.low(), cell.high(), comm.size());
+        let (low, high) = cell.corners();
+        let cuts = Cuts::even(low, high, comm.size());
         Self {
             halo,
             cuts,

@@ -37,13 +37,57 @@ pub struct Shear {
 /// A box, and which of its axes repeat.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    low: Vec3,
+    /// Lowest corner, from which the edges go [m].
+    origin: Vec3,
+    /// The corner opposite to it where the edges are along the axes [m].
     high: Vec3,
     periodic: [bool; 3],
     /// Length of the period along each axis, infinite where there is none [m].
     period: Vec3,
-    /// Do the images slide? Both axes repeat then.
-    sheared: Option<Sliding>,
+    /// Are the images where the edges are?
+    images: Images,
+}
+
+/// Where the images of a cell are.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+enum Images {
+    /// Along its edges, which are along the axes.
+    Square,
+    /// They slide along each other. Both axes repeat.
+    Slide(Sliding),
+}
+
+/// A box that reaches out of the cell along an axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beyond {
+    /// Which axis.
+    pub axis: &'static str,
+    /// From where to where the box is along it [m].
+    pub place: [f64; 2],
+    /// From where to where the cell is [m].
+    pub ends: [f64; 2],
+}
+
+impl Beyond {
+    /// Does it reach out at the upper end?
+    pub fn is_above(&self) -> bool {
+        self.place[1] > self.ends[1]
+    }
+}
+
+/// A face of the box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Face {
+    /// As a scene calls it: `-x`.
+    pub name: &'static str,
+    /// The axis across which it stands.
+    pub axis: usize,
+    /// A point on it [m].
+    pub point: Vec3,
+    /// Unit normal inwards.
+    pub normal: Vec3,
+    /// Is there an image behind it?
+    pub repeats: bool,
 }
 
 /// A shear, with what follows from it for the image above.
@@ -61,11 +105,11 @@ struct Sliding {
 impl Cell {
     /// One without an end.
     pub const OPEN: Self = Self {
-        low: Vec3::new(f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY),
+        origin: Vec3::new(f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY),
         high: Vec3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY),
         periodic: [false; 3],
         period: Vec3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY),
-        sheared: None,
+        images: Images::Square,
     };
 
     /// Between two corners [m].
@@ -73,7 +117,7 @@ impl Cell {
         let length =
             |axis: usize| if periodic[axis] { high[axis] - low[axis] } else { f64::INFINITY };
         let period = Vec3::new(length(0), length(1), length(2));
-        Self { low, high, periodic, period, sheared: None }
+        Self { origin: low, high, periodic, period, images: Images::Square }
     }
 
     /// The same, sheared; `None` if both axes are one, or one of them does not repeat.
@@ -85,24 +129,143 @@ impl Cell {
             return None;
         }
         let sliding = Sliding { shear, offset: 0.0, turns: 0, listed: strain };
-        let mut cell = Self { sheared: Some(sliding), ..self };
+        let mut cell = Self { images: Images::Slide(sliding), ..self };
         cell.place_images();
         Some(cell)
     }
 
     /// Volume between the corners [m³].
     pub fn volume(&self) -> f64 {
-        (self.high - self.low).product()
+        self.sides().product()
+    }
+
+    /// The lowest and the highest corner [m].
+    pub const fn corners(&self) -> (Vec3, Vec3) {
+        (self.origin, self.high)
+    }
+
+    /// The middle between the corners [m].
+    pub fn middle(&self) -> Vec3 {
+        (self.origin + self.high) * 0.5
+    }
+
+    /// How long it is along each axis [m].
+    pub fn sides(&self) -> Vec3 {
+        self.high - self.origin
+    }
+
+    /// Distances of opposite faces [m].
+    pub fn widths(&self) -> Vec3 {
+        self.sides()
+    }
+
+    /// Pairs of faces with images behind them that are nearer to each other than this [m]: their axis and distance [m].
+    pub fn thin(&self, least: f64) -> impl Iterator<Item = (&'static str, f64)> {
+        let widths = self.widths();
+        let all = self.repeating_axes().map(move |axis| (AXES[axis], widths[axis]));
+        all.filter(move |&(_, width)| width < least)
+    }
+
+    /// The axes along which it repeats.
+    pub fn repeating_axes(&self) -> impl Iterator<Item = usize> + use<> {
+        let periodic = self.periodic;
+        (0..3).filter(move |&axis| periodic[axis])
+    }
+
+    /// The axes along which it ends.
+    pub fn open_axes(&self) -> impl Iterator<Item = usize> + use<> {
+        let periodic = self.periodic;
+        (0..3).filter(move |&axis| !periodic[axis])
+    }
+
+    /// The first axis along which it repeats and a direction has a part.
+    pub fn repeats_along(&self, direction: &Vec3) -> Option<usize> {
+        self.repeating_axes().find(|&axis| direction[axis] != 0.0)
+    }
+
+    /// The faces of the box.
+    pub fn faces(&self) -> [Face; 6] {
+        SIDES.map(|(name, axis, inwards)| Face {
+            name,
+            axis,
+            point: if inwards > 0.0 { self.origin } else { self.high },
+            normal: Vec3::ith(axis, inwards),
+            repeats: self.periodic[axis],
+        })
+    }
+
+    /// Along which axis a box of these corners [m] reaches out of this one first.
+    pub fn beyond(&self, low: &Vec3, high: &Vec3) -> Option<Beyond> {
+        self.beyond_along(0..3, low, high)
+    }
+
+    /// The same along the axes along which it repeats.
+    pub fn beyond_period(&self, low: &Vec3, high: &Vec3) -> Option<Beyond> {
+        self.beyond_along(self.repeating_axes(), low, high)
+    }
+
+    fn beyond_along(
+        &self,
+        mut axes: impl Iterator<Item = usize>,
+        low: &Vec3,
+        high: &Vec3,
+    ) -> Option<Beyond> {
+        let is_inside =
+            |axis: usize| low[axis] >= self.origin[axis] && high[axis] <= self.high[axis];
+        let axis = axes.find(|&axis| !is_inside(axis))?;
+        Some(Beyond {
+            axis: AXES[axis],
+            place: [low[axis], high[axis]],
+            ends: [self.origin[axis], self.high[axis]],
+        })
+    }
+
+    /// A box [m] with the ends of this one where it repeats.
+    pub fn with_periods(&self, mut low: Vec3, mut high: Vec3) -> (Vec3, Vec3) {
+        for axis in self.repeating_axes() {
+            (low[axis], high[axis]) = (self.origin[axis], self.high[axis]);
+        }
+        (low, high)
+    }
+
+    /// The images of a ball beside itself that come into the box [m].
+    pub fn images_of_ball(&self, centre: &Vec3, radius: f64) -> Vec<Vec3> {
+        let mut all = vec![*centre];
+        for axis in self.repeating_axes() {
+            let period = self.period[axis];
+            let at_low = centre[axis] - radius < self.origin[axis];
+            let at_high = centre[axis] + radius > self.high[axis];
+            let shifts = [at_low.then_some(period), at_high.then_some(-period)];
+            for shift in shifts.into_iter().flatten() {
+                for k in 0..all.len() {
+                    let mut image = all[k];
+                    image[axis] = centre[axis] + shift;
+                    all.push(image);
+                }
+            }
+        }
+        all.remove(0);
+        all
     }
 
     /// How it is sheared, if it is.
     pub fn shear(&self) -> Option<Shear> {
-        self.sheared.map(|sliding| sliding.shear)
+        self.sliding().map(|sliding| sliding.shear)
+    }
+
+    /// Do its images move against it?
+    #[inline]
+    pub const fn moves(&self) -> bool {
+        !matches!(self.images, Images::Square)
+    }
+
+    const fn sliding(&self) -> Option<&Sliding> {
+        if let Images::Slide(sliding) = &self.images { Some(sliding) } else { None }
     }
 
     /// Shears it on for a step of `dt` [s].
     pub fn advance(&mut self, dt: f64) {
-        if let Some(Sliding { shear, .. }) = &mut self.sheared {
+        if let Images::Slide(Sliding { shear, .. }) = &mut self.images {
             shear.strain += shear.rate * dt;
             self.place_images();
         }
@@ -110,7 +273,7 @@ impl Cell {
 
     /// Finds where the images are.
     fn place_images(&mut self) {
-        let Self { period, sheared: Some(sliding), .. } = self else { return };
+        let Self { period, images: Images::Slide(sliding), .. } = self else { return };
         let Shear { along, across, strain, .. } = sliding.shear;
         let displaced = strain * period[across];
         let turns = (displaced / period[along]).round();
@@ -119,7 +282,7 @@ impl Cell {
 
     /// Displacement of the image above, without whole periods: at most half of one [m].
     pub fn slid(&self) -> f64 {
-        self.sheared.map_or(0.0, |sliding| sliding.offset)
+        self.sliding().map_or(0.0, |sliding| sliding.offset)
     }
 
     /// The image of a place along a periodic axis that is nearest to another [m].
@@ -132,7 +295,7 @@ impl Cell {
         let mut places = vec![*place];
         for axis in (0..3).filter(|&axis| self.periodic[axis]) {
             for (is_near, shift) in [
-                (place[axis] - self.low[axis] <= way, self.period[axis]),
+                (place[axis] - self.origin[axis] <= way, self.period[axis]),
                 (self.high[axis] - place[axis] <= way, -self.period[axis]),
             ] {
                 let shifted = |place: &Vec3| place + Vec3::ith(axis, shift);
@@ -147,14 +310,14 @@ impl Cell {
 
     /// Takes note that the pairs are listed now.
     pub fn note_listing(&mut self) {
-        if let Some(Sliding { shear, listed, .. }) = &mut self.sheared {
+        if let Images::Slide(Sliding { shear, listed, .. }) = &mut self.images {
             *listed = shear.strain;
         }
     }
 
     /// How far the images have slid since the pairs were listed [m].
     pub fn slid_since_listed(&self) -> f64 {
-        self.sheared.map_or(0.0, |Sliding { shear, listed, .. }| {
+        self.sliding().map_or(0.0, |Sliding { shear, listed, .. }| {
             (shear.strain - listed).abs() * self.period[shear.across]
         })
     }
@@ -168,11 +331,28 @@ impl Cell {
         velocity
     }
 
+    /// Velocity of the image at this shift from a body against it [m/s].
+    pub fn velocity_of_image(&self, shift: &Vec3) -> Vec3 {
+        let periods =
+            self.shear().map_or(0.0, |Shear { across, .. }| shift[across] / self.period[across]);
+        self.velocity_above() * periods
+    }
+
+    /// How far the image above has slid so far [m]; zero if none slides.
+    pub fn way_above(&self) -> Vec3 {
+        let mut way = Vec3::zeros();
+        if let Some(Shear { along, across, strain, .. }) = self.shear() {
+            way[along] = strain * self.period[across];
+        }
+        way
+    }
+
     /// The velocity of the flow at a place [m/s]: zero in the middle of the cell, and where nothing slides.
     pub fn flow_at(&self, place: &Vec3) -> Vec3 {
         let mut velocity = Vec3::zeros();
         if let Some(Shear { along, across, rate, .. }) = self.shear() {
-            velocity[along] = rate * (place[across] - 0.5 * (self.low[across] + self.high[across]));
+            velocity[along] =
+                rate * (place[across] - 0.5 * (self.origin[across] + self.high[across]));
         }
         velocity
     }
@@ -196,12 +376,8 @@ impl Cell {
     /// [`Self::velocity_of_nearest`] in lanes, of a difference in position [m].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
-    pub fn velocity_of_nearest_in_lanes<L: Eight>(
-        &self,
-        shear: &Shear,
-        difference: Triple<L>,
-    ) -> Triple<L> {
-        let across = shear.across;
+    pub fn velocity_of_nearest_in_lanes<L: Eight>(&self, difference: Triple<L>) -> Triple<L> {
+        let Some(Shear { across, .. }) = self.shear() else { return Triple::zero() };
         let Triple { x, y, z } = difference;
         let height = [x, y, z][across];
         let (zero, half) = (L::all(0.0), L::all(0.5 * self.period[across]));
@@ -210,16 +386,6 @@ impl Cell {
         let upwards = Triple { x: L::all(x), y: L::all(y), z: L::all(z) };
         let downwards = Triple::zero().minus(upwards);
         downwards.or(upwards.or(Triple::zero(), below), above)
-    }
-
-    /// Lowest corner [m].
-    pub const fn low(&self) -> Vec3 {
-        self.low
-    }
-
-    /// Highest corner [m].
-    pub const fn high(&self) -> Vec3 {
-        self.high
     }
 
     /// Which axes repeat.
@@ -232,9 +398,9 @@ impl Cell {
         self.periodic.contains(&true)
     }
 
-    /// Length of the period along an axis [m]; `None` if it does not repeat.
-    pub fn period(&self, axis: usize) -> Option<f64> {
-        self.periodic[axis].then_some(self.period[axis])
+    /// Lengths of the periods [m]; infinite along axes along which it does not repeat.
+    pub const fn periods(&self) -> Vec3 {
+        self.period
     }
 
     /// Has another cell other periods? One that begins elsewhere has the same lengths but for rounding.
@@ -247,7 +413,9 @@ impl Cell {
     /// bits on every rank. Periods are longer than twice the largest reach.
     #[inline]
     pub fn nearest(&self, mut difference: Vec3) -> Vec3 {
-        if let Some(Sliding { shear: Shear { along, across, .. }, offset, .. }) = self.sheared {
+        if let Images::Slide(Sliding { shear: Shear { along, across, .. }, offset, .. }) =
+            self.images
+        {
             difference[along] -= self.faces_between(difference[across], across) * offset;
         }
         for axis in 0..3 {
@@ -265,7 +433,9 @@ impl Cell {
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     pub fn nearest_of<L: Eight>(&self, mut r: Triple<L>) -> Triple<L> {
-        if let Some(Sliding { shear: Shear { along, across, .. }, offset, .. }) = self.sheared {
+        if let Images::Slide(Sliding { shear: Shear { along, across, .. }, offset, .. }) =
+            self.images
+        {
             let height = [r.x, r.y, r.z][across];
             let (half, offset) = (L::all(0.5 * self.period[across]), L::all(offset));
             let (above, below) = (half.less(height), height.less(L::all(0.0) - half));
@@ -302,8 +472,10 @@ impl Cell {
     pub fn wraps_outside(&self) -> [Vec3; 2] {
         let end = |axis: usize, at: f64, open: f64| if self.periodic[axis] { at } else { open };
         [
-            Vec3::from_fn(|axis, _| end(axis, self.low[axis], f64::NEG_INFINITY)),
-            Vec3::from_fn(|axis, _| end(axis, self.low[axis] + self.period[axis], f64::INFINITY)),
+            Vec3::from_fn(|axis, _| end(axis, self.origin[axis], f64::NEG_INFINITY)),
+            Vec3::from_fn(|axis, _| {
+                end(axis, self.origin[axis] + self.period[axis], f64::INFINITY)
+            }),
         ]
     }
 
@@ -313,8 +485,8 @@ impl Cell {
     #[inline]
     pub fn wrap(&self, place: &mut Vec3, velocity: &mut Vec3, image: &mut [i32; 3]) -> (u32, bool) {
         let (mut faces, mut is_far) = (0, false);
-        if let Some(Sliding { shear: Shear { across, .. }, .. }) = self.sheared {
-            let (low, period) = (self.low[across], self.period[across]);
+        if let Images::Slide(Sliding { shear: Shear { across, .. }, .. }) = self.images {
+            let (low, period) = (self.origin[across], self.period[across]);
             let x = place[across];
             let up = i32::from(x >= low + period) - i32::from(x < low);
             if up != 0 {
@@ -322,7 +494,7 @@ impl Cell {
             }
         }
         for axis in (0..3).filter(|&axis| self.periodic[axis]) {
-            let (low, period) = (self.low[axis], self.period[axis]);
+            let (low, period) = (self.origin[axis], self.period[axis]);
             let x = &mut place[axis];
             if *x >= low + period {
                 *x -= period;
@@ -343,7 +515,7 @@ impl Cell {
     /// What going up through faces changes beside the height, so many of them.
     #[cold]
     fn slide(&self, up: i32, place: &mut Vec3, velocity: &mut Vec3, image: &mut [i32; 3]) {
-        let Some(Sliding { shear, offset, turns, .. }) = self.sheared else { return };
+        let Images::Slide(Sliding { shear, offset, turns, .. }) = self.images else { return };
         place[shear.along] -= f64::from(up) * offset;
         image[shear.along] -= up * turns;
         *velocity -= self.velocity_above() * f64::from(up);
@@ -351,8 +523,8 @@ impl Cell {
 
     /// The same from any distance. The high faces are left alone, where rounding may have put a body until the next step.
     pub fn bring_back(&self, place: &mut Vec3, velocity: &mut Vec3, image: &mut [i32; 3]) {
-        if let Some(Sliding { shear: Shear { across, .. }, .. }) = self.sheared {
-            let (low, period) = (self.low[across], self.period[across]);
+        if let Images::Slide(Sliding { shear: Shear { across, .. }, .. }) = self.images {
+            let (low, period) = (self.origin[across], self.period[across]);
             let x = place[across];
             if x.is_finite() && !(low..=low + period).contains(&x) {
                 let up = ((x - low) / period).floor() as i32;
@@ -360,7 +532,7 @@ impl Cell {
             }
         }
         for axis in (0..3).filter(|&axis| self.periodic[axis]) {
-            let (low, period) = (self.low[axis], self.period[axis]);
+            let (low, period) = (self.origin[axis], self.period[axis]);
             let x = &mut place[axis];
             if !x.is_finite() || (low..=low + period).contains(x) {
                 continue;
@@ -375,9 +547,11 @@ impl Cell {
     #[must_use]
     pub fn inside(&self, mut place: Vec3) -> Vec3 {
         let turns_of = |place: &Vec3, axis: usize| {
-            ((place[axis] - self.low[axis]) / self.period[axis]).floor()
+            ((place[axis] - self.origin[axis]) / self.period[axis]).floor()
         };
-        if let Some(Sliding { shear: Shear { along, across, .. }, offset, .. }) = self.sheared {
+        if let Images::Slide(Sliding { shear: Shear { along, across, .. }, offset, .. }) =
+            self.images
+        {
             place[along] -= turns_of(&place, across) * offset;
         }
         for axis in (0..3).filter(|&axis| self.periodic[axis]) {
@@ -388,9 +562,9 @@ impl Cell {
 
     /// From a body to its images a period away at most, itself among them [m].
     pub fn shifts(&self) -> Vec<Vec3> {
-        let along = |axis: usize| match self.period(axis) {
-            Some(period) => vec![-period, 0.0, period],
-            None => vec![0.0],
+        let along = |axis: usize| {
+            let period = self.period[axis];
+            if self.periodic[axis] { vec![-period, 0.0, period] } else { vec![0.0] }
         };
         let [x, y, z] = [along(0), along(1), along(2)];
         let mut shifts = Vec::new();
@@ -399,7 +573,9 @@ impl Cell {
                 shifts.extend(z.iter().map(|&k| Vec3::new(i, j, k)));
             }
         }
-        if let Some(Sliding { shear: Shear { along, across, .. }, offset, .. }) = self.sheared {
+        if let Images::Slide(Sliding { shear: Shear { along, across, .. }, offset, .. }) =
+            self.images
+        {
             for shift in &mut shifts {
                 shift[along] += shift[across] / self.period[across] * offset;
             }
@@ -421,7 +597,7 @@ impl Cell {
     /// By how much the distance of two images may be rounded otherwise than that of their bodies [m].
     pub fn rounding_of_images(&self) -> f64 {
         let longest = self.period.iter().copied().filter(|length| length.is_finite());
-        let lowest = if self.low.amax().is_finite() { self.low.amax() } else { 0.0 };
+        let lowest = if self.origin.amax().is_finite() { self.origin.amax() } else { 0.0 };
         4.0 * f64::EPSILON * longest.fold(lowest, f64::max)
     }
 
@@ -434,15 +610,14 @@ impl Cell {
         };
         // Of the images along an axis; where they have slid, two of them may be as near as the box itself.
         let along = |axis: usize, slid: f64| {
-            self.period(axis).map_or_else(
-                || between(axis, 0.0),
-                |length| {
-                    let image = |k: f64| between(axis, slid + k * length);
-                    image(0.0).min(image(1.0)).min(image(-1.0))
-                },
-            )
+            if !self.periodic[axis] {
+                return between(axis, 0.0);
+            }
+            let image = |k: f64| between(axis, slid + k * self.period[axis]);
+            image(0.0).min(image(1.0)).min(image(-1.0))
         };
-        let Some(Sliding { shear: Shear { along: flow, across, .. }, offset, .. }) = self.sheared
+        let Images::Slide(Sliding { shear: Shear { along: flow, across, .. }, offset, .. }) =
+            self.images
         else {
             return Vec3::new(along(0, 0.0), along(1, 0.0), along(2, 0.0)).norm();
         };

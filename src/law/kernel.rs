@@ -1322,11 +1322,11 @@ fn belts<L: Eight>(particles: &Particles, walls: Gather) -> Option<Triple<L>> {
 #[inline(always)]
 fn sliding_of_images<L: Eight>(particles: &Particles, [a, b]: [Gather; 2]) -> Option<Triple<L>> {
     let Particles { position, cell, .. } = particles;
-    let shear = cell.shear()?;
-    Some(cell.velocity_of_nearest_in_lanes(
-        &shear,
-        vectors::<L>(position, b).minus(vectors(position, a)),
-    ))
+    if !cell.moves() {
+        return None;
+    }
+    let apart = vectors::<L>(position, b).minus(vectors(position, a));
+    Some(cell.velocity_of_nearest_in_lanes(apart))
 }
 
 /// How fast the centres of B leave those of A [m/s].

@@ -373,6 +373,7 @@ fn facts(header: &Header) -> Vec<(String, String)> {
         shapes,
     } = header;
     let names = |names: Vec<&String>| format!("{names:?}");
+    let (low, high) = cell.corners();
     let all = [
         ("step", step.to_string()),
         ("time", format!("{time:e} s")),
@@ -381,7 +382,7 @@ fn facts(header: &Header) -> Vec<(String, String)> {
         ("steps of another length before", format!("{stage_shift:e} s more")),
         ("next id", next_id.to_string()),
         ("left behind by particles that are gone", left_behind(*departed)),
-        ("domain", format!("{:?} to {:?} m", cell.low().as_slice(), cell.high().as_slice())),
+        ("domain", format!("{:?} to {:?} m", low.as_slice(), high.as_slice())),
         ("periodic", format!("{:?}", cell.periodic())),
         ("shear", cell.shear().map_or_else(|| "none".to_owned(), |shear| format!("{shear:?}"))),
         ("gravity", format!("{:?} m/s2", gravity.as_slice())),

@@ -28,7 +28,7 @@ pub fn write_header(out: &mut impl Write, header: &Header, particles: usize) -> 
     let sides = header.cell.periodic().map(|periodic| if periodic { "pp" } else { "ff" });
     writeln!(out, "ITEM: TIMESTEP\n{}", header.step)?;
     writeln!(out, "ITEM: NUMBER OF ATOMS\n{particles}")?;
-    let (low, high) = (header.cell.low(), header.cell.high());
+    let (low, high) = header.cell.corners();
     let tilt = header.cell.shear().and_then(|Shear { along, across, .. }| {
         TILTS.iter().position(|axes| *axes == (along, across)).map(|tilt| (tilt, along))
     });

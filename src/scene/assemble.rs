@@ -338,7 +338,7 @@ pub fn take_up(
     }
     let (mut walls_elsewhere, mut other_walls) = (Vec::new(), Vec::new());
     let goes_on = continuation == Continuation::SameStage && header.dt == sim.dt;
-    let room = (scene.domain.low(), scene.domain.high());
+    let room = scene.domain.corners();
     let before = StageSoFar { dt: header.dt, time: header.time - header.stage_begin.1 };
     let now = (header.step, (continuation == Continuation::SameStage).then_some(before));
     let Particles { walls, library, .. } = &mut sim.particles;
@@ -460,19 +460,14 @@ fn admit_sizes(
     }
     let reach = sim.law.about().reach(&library);
     let halo = halo_width(&library, scene.skin, reach);
-    let extent = scene.domain.high() - scene.domain.low();
-    let is_narrow =
-        |&axis: &usize| scene.domain.period(axis).is_some() && extent[axis] < 2.0 * halo;
-    if let Some(axis) = (0..3).find(is_narrow) {
+    if let Some((axis, width)) = scene.domain.thin(2.0 * halo).next() {
         let radius = |&(shape, scale): &(ShapeId, f64)| library.radius[shape.index()] * scale;
         let largest = library.extremes().max_by(|a, b| radius(a).total_cmp(&radius(b)));
         return wrong(
             largest.map_or(ShapeId(0), |(shape, _)| shape),
             format!(
-                "a period must be at least {:.4e} m, twice the largest bounding diameter and the skin; along {} it is {:?} m",
+                "a period must be at least {:.4e} m, twice the largest bounding diameter and the skin; along {axis} it is {width:?} m",
                 2.0 * halo,
-                AXES[axis],
-                extent[axis]
             ),
         );
     }

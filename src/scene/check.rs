@@ -380,7 +380,7 @@ fn shear(given: &Given, cell: &Cell) -> Option<Shear> {
     let axis = |key| {
         section.require(key).and_then(|given| {
             let axis = given.one_of(&words)?;
-            if cell.period(axis).is_none() {
+            if cell.open_axes().any(|open| open == axis) {
                 given.fail(format!(
                     "domain.periodic is false along {}; images slide along and across axes that repeat",
                     AXES[axis]
@@ -432,19 +432,13 @@ fn check_shear(root: &Section, domain: &Cell, gravity: Option<Vec3>, walls: usiz
 
 /// A periodic image must never meet the same particle, or another of its images.
 fn check_periods(section: &Section, domain: &Cell, reach: f64) {
-    let extent = domain.high() - domain.low();
-    for axis in (0..3).filter(|&axis| domain.period(axis).is_some()) {
-        if extent[axis] < 2.0 * reach
-            && let Some(given) = section.get("periodic")
-        {
-            given.fail(format!(
-                "the domain is {:?} m wide along {}; a period must be at least {:.4e} m, twice \
-                 the largest bounding diameter and the skin",
-                extent[axis],
-                AXES[axis],
-                2.0 * reach
-            ));
-        }
+    let Some(given) = section.get("periodic") else { return };
+    for (axis, width) in domain.thin(2.0 * reach) {
+        given.fail(format!(
+            "the domain is {width:?} m wide along {axis}; a period must be at least {:.4e} m, twice the largest bounding diameter and \
+             the skin",
+            2.0 * reach
+        ));
     }
 }
 

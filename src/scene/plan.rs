@@ -3,7 +3,7 @@
 use super::bed::Share;
 use super::doubts::doubts;
 use super::{Fill, Goal, Mix, Scene, Servo, Stop};
-use crate::cell::{AXES, SIDES, Shear};
+use crate::cell::{AXES, Face, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::domain::halo_width;
@@ -90,7 +90,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         }
     }
     if let Some(rain) = &scene.rain {
-        let interval = rain.interval(&scene.gravity, scene.domain.periodic(), scene.dt);
+        let interval = rain.interval(&scene.gravity, &scene.domain, scene.dt);
         page.line(
             "rain",
             format!(
@@ -359,16 +359,15 @@ fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
 fn what_is_left_out(scene: &Scene, page: &mut Page) {
     let needs = scene.needs();
     let law = scene.force_law();
-    let open: Vec<&str> = SIDES
-        .into_iter()
-        .filter(|&(_, axis, inwards)| {
-            let mut across = scene.walls.iter().filter_map(Wall::across);
-            let closed = across.any(|wall| wall.axis == axis && wall.inwards == inwards);
-            scene.domain.period(axis).is_none() && !closed
-        })
-        .map(|(name, _, _)| name)
-        .collect();
-    let could_slide = scene.domain.periodic().into_iter().filter(|periodic| *periodic).count() > 1;
+    let is_open = |face: &Face| {
+        let mut across = scene.walls.iter().filter_map(Wall::across);
+        let closed =
+            across.any(|wall| wall.axis == face.axis && wall.inwards == face.normal[face.axis]);
+        !face.repeats && !closed
+    };
+    let open = scene.domain.faces().into_iter().filter(is_open);
+    let open: Vec<&str> = open.map(|face| face.name).collect();
+    let could_slide = scene.domain.repeating_axes().count() > 1;
     let not_saved = PARTICLE_COLUMNS.iter().filter(|column| !column.is_there(&needs));
     let not_saved: Vec<&str> = not_saved.map(|column| column.name).collect();
     let reasons = [

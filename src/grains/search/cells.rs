@@ -196,7 +196,7 @@ impl<'a> Across<'a> {
     /// `None` if no image slides.
     fn of(cell: &'a Cell, positions: &'a [Vec3]) -> Option<Self> {
         let shear = cell.shear()?;
-        Some(Self { cell, shear, period: cell.period(shear.across)?, positions })
+        Some(Self { cell, shear, period: cell.periods()[shear.across], positions })
     }
 
     /// Is there a face with sliding images between two bodies?
@@ -262,8 +262,8 @@ impl Space {
         for axis in (0..3).filter(|&axis| shear.is_none_or(|shear| shear.across != axis)) {
             let is_along = shear.is_some_and(|shear| shear.along == axis);
             let spare = if is_along { 2.0 * reach } else { reach };
-            if let Some(period) = cell.period(axis).filter(|&period| extent[axis] + spare > period)
-            {
+            let period = cell.periods()[axis];
+            if extent[axis] + spare > period {
                 wraps[axis] = true;
                 extent[axis] = period;
             }

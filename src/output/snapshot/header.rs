@@ -123,8 +123,9 @@ const SHEAR: &str = "shear_rate_strain";
 fn write_domain(file: &mut SnapshotFile, cell: &Cell) -> Result<(), SnapshotError> {
     file.group("/domain")?;
     file.text("/domain", "units", "low, high: m")?;
-    file.numbers("/domain", "low", cell.low().as_slice())?;
-    file.numbers("/domain", "high", cell.high().as_slice())?;
+    let (low, high) = cell.corners();
+    file.numbers("/domain", "low", low.as_slice())?;
+    file.numbers("/domain", "high", high.as_slice())?;
     file.numbers("/domain", "periodic", &cell.periodic().map(u8::from))?;
     if let Some(Shear { along, across, rate, strain }) = cell.shear() {
         file.text(
