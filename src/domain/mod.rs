@@ -120,6 +120,22 @@ impl Domain {
         }
     }
 
+    /// So far apart may bodies be that see each other [m].
+    pub const fn halo(&self) -> f64 {
+        self.halo
+    }
+
+    /// Moves the cuts with the sides of a cell that a flow carries. After it particles must migrate.
+    pub fn follow(&mut self, cell: &Cell) {
+        let (low, high) = cell.corners();
+        let space = Subdomain { low, high };
+        if cell.strained().is_some() && self.cuts.space() != space {
+            self.cuts.stretch(space);
+            self.neighbours.clear();
+            self.knows_neighbours = false;
+        }
+    }
+
     /// Another halo width [m]. Before the first list of pairs.
     pub fn widen(&mut self, halo: f64) {
         self.halo = halo;

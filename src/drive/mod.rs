@@ -10,7 +10,7 @@
 //! nothing ([`ledger`]), and knows none of them by name. In each step every drive may, in the order of the list,
 //!
 //! 1. ask for sums over all ranks, which are found while the particles move ([`Drive::sums`]);
-//! 2. give walls their velocities and angular velocities ([`Drive::steer`]);
+//! 2. give walls their velocities and angular velocities, and the cell its rate ([`Drive::steer`]);
 //! 3. insert particles, before the list of pairs is made ([`Drive::insert`]);
 //! 4. take out particles that have left the domain or have reached where they leave ([`Drive::reaches`], [`Drive::take`]);
 //! 5. look at the forces, as observers that act on nothing do after it ([`Observer::after_forces`]).
@@ -96,6 +96,8 @@
 //! ```
 
 mod clearance;
+pub mod element;
+mod errors;
 pub mod free;
 pub mod inlet;
 pub mod ledger;
@@ -180,8 +182,8 @@ pub struct Steering<'a> {
     pub moment: Moment,
     /// What [`Drive::sums`] asked for, of all ranks.
     pub sums: &'a [i64],
-    /// The domain and its periods.
-    pub cell: &'a Cell,
+    /// The domain and its periods; the rate of the flow that carries it may be set.
+    pub cell: &'a mut Cell,
     /// Shapes of the particles.
     pub library: &'a Library,
     /// All walls of the simulation.

@@ -3,9 +3,15 @@
 //! A cell that is sheared (Lees and Edwards 1972, DOI 10.1088/0022-3719/5/15/006) keeps its edges: the images above and below
 //! slide past it. They are displaced by the strain times the period, and move with the rate times the period; whoever leaves
 //! through such a face comes back elsewhere and with another velocity.
+//!
+//! A cell may also be carried by a homogeneous flow: its edges `H` follow `dH/dt = L H`. `H` and the velocity gradient `L` are upper
+//! triangular: the first edge stays along x, the second in the plane of x and y. Velocities of bodies are then those against the flow
+//! (peculiar velocities; Evans and Morriss 1984, DOI 10.1103/PhysRevA.30.1528): a body at `x` goes with `v + L x`. The bodies stand in the
+//! upright box of the sides `H_xx`, `H_yy`, `H_zz`, which holds one image of each. Edges are chosen anew in each step so that their tilts
+//! are at most half of a side: by whole edges, from `H` alone, so the same on every rank.
 
 use crate::lanes::{Eight, Triple};
-use crate::math::Vec3;
+use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Names of the axes.
@@ -49,12 +55,73 @@ pub struct Cell {
 }
 
 /// Where the images of a cell are.
+#[expect(clippy::large_enum_variant, reason = "a run has one")]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 enum Images {
     /// Along its edges, which are along the axes.
     Square,
     /// They slide along each other. Both axes repeat.
     Slide(Sliding),
+    /// A flow carries the edges. All axes repeat.
+    Carried(Carried),
+}
+
+/// How a flow has carried a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Strained {
+    /// The edges, as columns; upper triangular, as carried, not chosen anew [m].
+    pub edges: Mat3,
+    /// Velocity gradient in the step to come; upper triangular [1/s].
+    pub rate: Mat3,
+    /// Sum of the velocity gradient over time so far; upper triangular [-].
+    pub strain: Mat3,
+}
+
+/// A cell whose edges follow a flow, with what follows from it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Carried {
+    strained: Strained,
+    /// Velocity gradient in the last step [1/s].
+    last_rate: Mat3,
+    /// Edges of the same images with the least tilts, as columns [m].
+    chosen: Mat3,
+    /// How many of the first edge each of them has less than the carried one, and the third of the second: xy, xz, yz.
+    turns: [i32; 3],
+    /// How much nearer two bodies within reach can have come by the flow since the pairs were listed [m].
+    neared: f64,
+}
+
+/// What a step of a flow does to bodies.
+#[derive(Clone, Copy, Debug)]
+pub struct Stretch {
+    /// Moves places against the lowest corner; upper triangular.
+    pub places: Mat3,
+    /// Velocity gradient [1/s].
+    pub rate: Mat3,
+}
+
+/// `r` times a matrix of which the lower triangle is zero.
+#[inline]
+fn upper(m: &Mat3, r: &Vec3) -> Vec3 {
+    Vec3::new(m.m11 * r.x + m.m12 * r.y + m.m13 * r.z, m.m22 * r.y + m.m23 * r.z, m.m33 * r.z)
+}
+
+/// A difference in position, an edge nearer to zero where its part `along` the axis of the edge is more than half of the side [m].
+#[expect(clippy::inline_always, reason = "see `lanes`")]
+#[inline(always)]
+fn back_by<L: Eight>(r: Triple<L>, along: L, edge: &Vec3, side: f64) -> Triple<L> {
+    let half = L::all(0.5 * side);
+    let (above, below) = (half.less(along), along.less(L::all(0.0) - half));
+    let edge = Triple { x: L::all(edge.x), y: L::all(edge.y), z: L::all(edge.z) };
+    r.minus(edge).or(r.plus(edge).or(r, below), above)
+}
+
+/// The inverse of an upper triangular matrix.
+pub fn upper_inverse(m: &Mat3) -> Mat3 {
+    let (x, y, z) = (1.0 / m.m11, 1.0 / m.m22, 1.0 / m.m33);
+    let (xy, yz) = (-m.m12 * x * y, -m.m23 * y * z);
+    let xz = (m.m12 * m.m23 * y - m.m13) * x * z;
+    Mat3::new(x, xy, xz, 0.0, y, yz, 0.0, 0.0, z)
 }
 
 /// A box that reaches out of the cell along an axis.
@@ -134,6 +201,130 @@ impl Cell {
         Some(cell)
     }
 
+    /// The same with edges that a flow carries; `None` if an axis does not repeat, or the edges are none of an upper triangular matrix with
+    /// a diagonal above 0.
+    #[must_use]
+    pub fn with_strain(self, strained: Strained) -> Option<Self> {
+        let Strained { edges, rate, strain } = strained;
+        let is_upper = |m: &Mat3| m.m21 == 0.0 && m.m31 == 0.0 && m.m32 == 0.0;
+        let is_sound = |m: &Mat3| is_upper(m) && m.iter().all(|x| x.is_finite());
+        let is_box = edges.diagonal().iter().all(|side| *side > 0.0);
+        if self.periodic != [true; 3] || ![edges, rate, strain].iter().all(is_sound) || !is_box {
+            return None;
+        }
+        let carried =
+            Carried { strained, last_rate: rate, chosen: edges, turns: [0; 3], neared: 0.0 };
+        let mut cell = Self { images: Images::Carried(carried), ..self };
+        cell.choose_edges();
+        Some(cell)
+    }
+
+    /// A cell along the axes that a flow may carry from now on; `None` if an axis does not repeat, or images slide.
+    #[must_use]
+    pub fn at_rest(self) -> Option<Self> {
+        let (edges, zero) = (Mat3::from_diagonal(&self.period), Mat3::zeros());
+        let is_square = self.images == Images::Square;
+        let still = Strained { edges, rate: zero, strain: zero };
+        if is_square { self.with_strain(still) } else { None }
+    }
+
+    /// How a flow has carried it, if one may.
+    pub const fn strained(&self) -> Option<&Strained> {
+        match &self.images {
+            Images::Carried(carried) => Some(&carried.strained),
+            _ => None,
+        }
+    }
+
+    /// Velocity gradient of the flow in the last step, if one may carry it [1/s].
+    pub const fn rate(&self) -> Option<Mat3> {
+        match &self.images {
+            Images::Carried(carried) => Some(carried.last_rate),
+            _ => None,
+        }
+    }
+
+    /// Gives the flow another velocity gradient [1/s] for the step to come.
+    pub fn set_rate(&mut self, rate: &Mat3) {
+        if let Images::Carried(carried) = &mut self.images {
+            carried.strained.rate = *rate;
+        }
+    }
+
+    /// Carries the edges on for a step of `dt` [s] in which two bodies that may touch are no farther apart than `reach` [m]. Returns what
+    /// the step does to bodies, if anything. The step is that of the implicit midpoint rule.
+    pub fn carry(&mut self, dt: f64, reach: f64) -> Option<Stretch> {
+        let rounding = self.rounding_of_images();
+        let Images::Carried(carried) = &mut self.images else { return None };
+        let Carried { strained: Strained { edges, rate, strain }, last_rate, neared, .. } = carried;
+        *last_rate = *rate;
+        if *rate == Mat3::zeros() {
+            return None;
+        }
+        let (half, one) = (*rate * (0.5 * dt), Mat3::identity());
+        let places = upper_inverse(&(one - half)) * (one + half);
+        *edges = places * *edges;
+        *strain += *rate * dt;
+        *neared += (places - one).norm() * reach * (1.0 + 1e-9) + 2.0 * rounding;
+        let stretch = Stretch { places, rate: *rate };
+        self.choose_edges();
+        Some(stretch)
+    }
+
+    /// Finds the edges with the least tilts, and the box of their sides.
+    fn choose_edges(&mut self) {
+        let Images::Carried(Carried { strained, chosen, turns, .. }) = &mut self.images else {
+            return;
+        };
+        let h = &strained.edges;
+        let yz = (h.m23 / h.m22).round();
+        let xy = (h.m12 / h.m11).round();
+        let xz = ((h.m13 - yz * h.m12) / h.m11).round();
+        *turns = [xy as i32, xz as i32, yz as i32];
+        *chosen = *h;
+        chosen.m12 = h.m12 - xy * h.m11;
+        chosen.m23 = h.m23 - yz * h.m22;
+        chosen.m13 = (h.m13 - yz * h.m12) - xz * h.m11;
+        self.period = h.diagonal();
+        self.high = self.origin + self.period;
+    }
+
+    /// The edge with a direction along this axis that is chosen among those with the same images [m].
+    fn edge(&self, axis: usize) -> Vec3 {
+        match &self.images {
+            Images::Carried(carried) => carried.chosen.column(axis).into(),
+            _ => Vec3::ith(axis, self.period[axis]),
+        }
+    }
+
+    /// The edges, as columns, which are chosen so that they lean least against the axes [m].
+    pub fn edges(&self) -> Mat3 {
+        Mat3::from_columns(&[self.edge(0), self.edge(1), self.edge(2)])
+    }
+
+    /// An upright cell of the same sides, if the edges of this one lean.
+    pub fn upright(&self) -> Option<Self> {
+        matches!(self.images, Images::Carried(_))
+            .then_some(Self { images: Images::Square, ..*self })
+    }
+
+    /// The place in [the upright cell](Self::upright) that has the same part of each side as a place has of each edge [m].
+    pub fn in_upright(&self, place: &Vec3) -> Vec3 {
+        let (edges, from) = (self.edges(), place - self.origin);
+        let z = from.z / edges.m33;
+        let y = (from.y - z * edges.m23) / edges.m22;
+        let x = (from.x - z * edges.m13 - y * edges.m12) / edges.m11;
+        let turned = Vec3::new(x - x.floor(), y - y.floor(), z - z.floor());
+        self.origin + turned.component_mul(&self.period)
+    }
+
+    /// No two places are farther apart in the upright cell than this many times their distance.
+    pub fn upright_over_distance(&self) -> f64 {
+        let to_upright = Mat3::from_diagonal(&self.period) * upper_inverse(&self.edges());
+        let sizes = to_upright.abs();
+        (sizes.row_sum().max() * sizes.column_sum().max()).sqrt()
+    }
+
     /// Volume between the corners [m³].
     pub fn volume(&self) -> f64 {
         self.sides().product()
@@ -156,7 +347,9 @@ impl Cell {
 
     /// Distances of opposite faces [m].
     pub fn widths(&self) -> Vec3 {
-        self.sides()
+        let Images::Carried(carried) = &self.images else { return self.sides() };
+        let to_parts = upper_inverse(&carried.chosen);
+        Vec3::from_fn(|axis, _| 1.0 / to_parts.row(axis).norm())
     }
 
     /// Pairs of faces with images behind them that are nearer to each other than this [m]: their axis and distance [m].
@@ -253,10 +446,21 @@ impl Cell {
         self.sliding().map(|sliding| sliding.shear)
     }
 
-    /// Do its images move against it?
+    /// May its images move against it?
     #[inline]
     pub const fn moves(&self) -> bool {
         !matches!(self.images, Images::Square)
+    }
+
+    /// Do they, in the last step or in the one to come?
+    pub fn moves_now(&self) -> bool {
+        match &self.images {
+            Images::Square => false,
+            Images::Slide(_) => self.velocity_above() != Vec3::zeros(),
+            Images::Carried(Carried { strained, last_rate, .. }) => {
+                strained.rate != Mat3::zeros() || *last_rate != Mat3::zeros()
+            }
+        }
     }
 
     const fn sliding(&self) -> Option<&Sliding> {
@@ -310,16 +514,22 @@ impl Cell {
 
     /// Takes note that the pairs are listed now.
     pub fn note_listing(&mut self) {
-        if let Images::Slide(Sliding { shear, listed, .. }) = &mut self.images {
-            *listed = shear.strain;
+        match &mut self.images {
+            Images::Square => {}
+            Images::Slide(Sliding { shear, listed, .. }) => *listed = shear.strain,
+            Images::Carried(carried) => carried.neared = 0.0,
         }
     }
 
-    /// How far the images have slid since the pairs were listed [m].
+    /// How far the images have slid since the pairs were listed, or bodies that may touch have come nearer by the flow [m].
     pub fn slid_since_listed(&self) -> f64 {
-        self.sliding().map_or(0.0, |Sliding { shear, listed, .. }| {
-            (shear.strain - listed).abs() * self.period[shear.across]
-        })
+        match &self.images {
+            Images::Square => 0.0,
+            Images::Slide(Sliding { shear, listed, .. }) => {
+                (shear.strain - listed).abs() * self.period[shear.across]
+            }
+            Images::Carried(carried) => carried.neared,
+        }
     }
 
     /// Velocity of the image above [m/s]; zero if none slides.
@@ -333,6 +543,9 @@ impl Cell {
 
     /// Velocity of the image at this shift from a body against it [m/s].
     pub fn velocity_of_image(&self, shift: &Vec3) -> Vec3 {
+        if let Images::Carried(carried) = &self.images {
+            return upper(&carried.last_rate, shift);
+        }
         let periods =
             self.shear().map_or(0.0, |Shear { across, .. }| shift[across] / self.period[across]);
         self.velocity_above() * periods
@@ -366,18 +579,43 @@ impl Cell {
     }
 
     /// The velocity of the image that [`Cell::nearest`] takes for a difference of two places [m], against the cell's own
-    /// bodies [m/s].
+    /// bodies [m/s]: in a flow how much faster it is where the other place is.
     #[inline]
     pub fn velocity_of_nearest(&self, difference: &Vec3) -> Vec3 {
-        let Some(Shear { across, .. }) = self.shear() else { return Vec3::zeros() };
-        self.velocity_above() * -self.faces_between(difference[across], across)
+        match &self.images {
+            Images::Square => Vec3::zeros(),
+            Images::Slide(Sliding { shear: Shear { across, .. }, .. }) => {
+                self.velocity_above() * -self.faces_between(difference[*across], *across)
+            }
+            Images::Carried(carried) => upper(&carried.last_rate, &self.nearest(*difference)),
+        }
+    }
+
+    /// The same in the step to come.
+    pub fn velocity_of_nearest_ahead(&self, difference: &Vec3) -> Vec3 {
+        match &self.images {
+            Images::Carried(carried) => upper(&carried.strained.rate, &self.nearest(*difference)),
+            _ => self.velocity_of_nearest(difference),
+        }
     }
 
     /// [`Self::velocity_of_nearest`] in lanes, of a difference in position [m].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     pub fn velocity_of_nearest_in_lanes<L: Eight>(&self, difference: Triple<L>) -> Triple<L> {
-        let Some(Shear { across, .. }) = self.shear() else { return Triple::zero() };
+        let across = match &self.images {
+            Images::Square => return Triple::zero(),
+            Images::Slide(sliding) => sliding.shear.across,
+            Images::Carried(carried) => {
+                let Triple { x, y, z } = self.nearest_of(difference);
+                let rate = &carried.last_rate;
+                return Triple {
+                    x: L::all(rate.m11) * x + L::all(rate.m12) * y + L::all(rate.m13) * z,
+                    y: L::all(rate.m22) * y + L::all(rate.m23) * z,
+                    z: L::all(rate.m33) * z,
+                };
+            }
+        };
         let Triple { x, y, z } = difference;
         let height = [x, y, z][across];
         let (zero, half) = (L::all(0.0), L::all(0.5 * self.period[across]));
@@ -405,6 +643,9 @@ impl Cell {
 
     /// Has another cell other periods? One that begins elsewhere has the same lengths but for rounding.
     pub fn repeats_otherwise(&self, other: &Self) -> bool {
+        if let [Images::Carried(_), Images::Carried(_)] = [self.images, other.images] {
+            return false;
+        }
         let differs = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-12 * a.min(*b);
         self.period.iter().zip(&other.period).any(differs)
     }
@@ -413,6 +654,14 @@ impl Cell {
     /// bits on every rank. Periods are longer than twice the largest reach.
     #[inline]
     pub fn nearest(&self, mut difference: Vec3) -> Vec3 {
+        if let Images::Carried(Carried { chosen, .. }) = &self.images {
+            // What the other edges have along the first may add up to a whole one.
+            for axis in [2, 1, 0, 0] {
+                let faces = self.faces_between(difference[axis], axis);
+                difference -= chosen.column(axis) * faces;
+            }
+            return difference;
+        }
         if let Images::Slide(Sliding { shear: Shear { along, across, .. }, offset, .. }) =
             self.images
         {
@@ -433,6 +682,13 @@ impl Cell {
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     pub fn nearest_of<L: Eight>(&self, mut r: Triple<L>) -> Triple<L> {
+        if let Images::Carried(Carried { chosen, .. }) = &self.images {
+            let first = Vec3::new(chosen.m11, 0.0, 0.0);
+            r = back_by(r, r.z, &Vec3::new(chosen.m13, chosen.m23, chosen.m33), chosen.m33);
+            r = back_by(r, r.y, &Vec3::new(chosen.m12, chosen.m22, 0.0), chosen.m22);
+            r = back_by(r, r.x, &first, chosen.m11);
+            return back_by(r, r.x, &first, chosen.m11);
+        }
         if let Images::Slide(Sliding { shear: Shear { along, across, .. }, offset, .. }) =
             self.images
         {
@@ -485,6 +741,10 @@ impl Cell {
     #[inline]
     pub fn wrap(&self, place: &mut Vec3, velocity: &mut Vec3, image: &mut [i32; 3]) -> (u32, bool) {
         let (mut faces, mut is_far) = (0, false);
+        if let Images::Carried(_) = &self.images {
+            let (faces, is_far) = self.carry_back(place, image);
+            return (faces, is_far);
+        }
         if let Images::Slide(Sliding { shear: Shear { across, .. }, .. }) = self.images {
             let (low, period) = (self.origin[across], self.period[across]);
             let x = place[across];
@@ -512,6 +772,28 @@ impl Cell {
         (faces, is_far)
     }
 
+    /// The same where a flow carries the edges: from any distance, and with one velocity everywhere.
+    #[cold]
+    fn carry_back(&self, place: &mut Vec3, image: &mut [i32; 3]) -> (u32, bool) {
+        let Images::Carried(Carried { turns: [xy, xz, yz], .. }) = self.images else {
+            return (0, false);
+        };
+        let mut faces = 0;
+        for (axis, of_images) in [(2, [-xz, -yz, 1]), (1, [-xy, 1, 0]), (0, [1, 0, 0])] {
+            let (low, high) = (self.origin[axis], self.high[axis]);
+            if !place[axis].is_finite() || (low..high).contains(&place[axis]) {
+                continue;
+            }
+            let up = ((place[axis] - low) / self.period[axis]).floor();
+            *place -= self.edge(axis) * up;
+            for (count, of_image) in image.iter_mut().zip(of_images) {
+                *count = count.saturating_add((up as i32).saturating_mul(of_image));
+            }
+            faces += 1;
+        }
+        (faces, false)
+    }
+
     /// What going up through faces changes beside the height, so many of them.
     #[cold]
     fn slide(&self, up: i32, place: &mut Vec3, velocity: &mut Vec3, image: &mut [i32; 3]) {
@@ -523,6 +805,10 @@ impl Cell {
 
     /// The same from any distance. The high faces are left alone, where rounding may have put a body until the next step.
     pub fn bring_back(&self, place: &mut Vec3, velocity: &mut Vec3, image: &mut [i32; 3]) {
+        if let Images::Carried(_) = self.images {
+            self.carry_back(place, image);
+            return;
+        }
         if let Images::Slide(Sliding { shear: Shear { across, .. }, .. }) = self.images {
             let (low, period) = (self.origin[across], self.period[across]);
             let x = place[across];
@@ -546,6 +832,10 @@ impl Cell {
     /// The image of a place [m] between the periodic faces, from any distance.
     #[must_use]
     pub fn inside(&self, mut place: Vec3) -> Vec3 {
+        if let Images::Carried(_) = self.images {
+            self.carry_back(&mut place, &mut [0; 3]);
+            return place;
+        }
         let turns_of = |place: &Vec3, axis: usize| {
             ((place[axis] - self.origin[axis]) / self.period[axis]).floor()
         };
@@ -580,11 +870,23 @@ impl Cell {
                 shift[along] += shift[across] / self.period[across] * offset;
             }
         }
+        if let Images::Carried(Carried { chosen, .. }) = &self.images {
+            for shift in &mut shifts {
+                let [i, j, k]: [f64; 3] = shift.component_div(&self.period).into();
+                let beside = j * chosen.m12 + k * chosen.m13;
+                // Nearest along the first edge, as the others are.
+                let turns = (beside / chosen.m11).round();
+                *shift = upper(chosen, &Vec3::new(i - turns, j, k));
+            }
+        }
         shifts
     }
 
     /// Where a body would be without periods [m].
     pub fn unwrapped(&self, mut place: Vec3, image: &[i32; 3]) -> Vec3 {
+        if let Images::Carried(Carried { strained, .. }) = &self.images {
+            return place + upper(&strained.edges, &Vec3::from(image.map(f64::from)));
+        }
         for axis in (0..3).filter(|&axis| self.periodic[axis]) {
             place[axis] += f64::from(image[axis]) * self.period[axis];
         }
@@ -598,7 +900,9 @@ impl Cell {
     pub fn rounding_of_images(&self) -> f64 {
         let longest = self.period.iter().copied().filter(|length| length.is_finite());
         let lowest = if self.origin.amax().is_finite() { self.origin.amax() } else { 0.0 };
-        4.0 * f64::EPSILON * longest.fold(lowest, f64::max)
+        // A place that a flow carries is rounded a few times more.
+        let times = if self.upright().is_some() { 16.0 } else { 4.0 };
+        times * f64::EPSILON * longest.fold(lowest, f64::max)
     }
 
     /// Distance of two boxes from their corners, low and high, the nearest of their images [m].
@@ -608,6 +912,9 @@ impl Cell {
             let above = other[0][axis] + shift - one[1][axis];
             below.max(above).max(0.0)
         };
+        if let Images::Carried(Carried { chosen, .. }) = &self.images {
+            return Self::gap_of_carried(chosen, between);
+        }
         // Of the images along an axis; where they have slid, two of them may be as near as the box itself.
         let along = |axis: usize, slid: f64| {
             if !self.periodic[axis] {
@@ -627,6 +934,22 @@ impl Cell {
                 .norm()
         };
         image(0.0).min(image(1.0)).min(image(-1.0))
+    }
+
+    /// The same where a flow carries the edges; `between` tells how far apart the boxes are along an axis, the other one shifted [m].
+    fn gap_of_carried(chosen: &Mat3, between: impl Fn(usize, f64) -> f64) -> f64 {
+        let mut least = f64::INFINITY;
+        for k in [-1.0, 0.0, 1.0] {
+            for j in [-1.0, 0.0, 1.0] {
+                let beside = j * chosen.m12 + k * chosen.m13;
+                let beside = beside - (beside / chosen.m11).round() * chosen.m11;
+                let along = |i: f64| between(0, beside + i * chosen.m11);
+                let x = along(0.0).min(along(1.0)).min(along(-1.0));
+                let y = between(1, j * chosen.m22 + k * chosen.m23);
+                least = least.min(Vec3::new(x, y, between(2, k * chosen.m33)).norm());
+            }
+        }
+        least
     }
 
     /// The nearest place between two corners; along a periodic axis everything is inside [m].

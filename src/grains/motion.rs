@@ -24,6 +24,8 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
+pub mod affine;
+
 use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
 use crate::math::{Quat, Vec3, Vec3AndNumber};
 use crate::particles::Particles;

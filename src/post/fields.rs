@@ -351,6 +351,10 @@ fn check_width(header: &Header, how: Smoothing) -> Result<(), MeasureError> {
         return Err(MeasureError::CoarserThanWeight { side, width });
     }
     let range = weight.range(width);
+    let edges = header.cell.edges();
+    if header.cell.strained().is_some() && edges != Mat3::from_diagonal(&edges.diagonal()) {
+        return Err(MeasureError::Leaning);
+    }
     match header.cell.thin(2.0 * range).next() {
         Some((axis, period)) => Err(MeasureError::WiderThanPeriod { axis, period, range }),
         None => Ok(()),

@@ -7,6 +7,7 @@ use crate::comm::{Comm, agree};
 use crate::contact::{self, ContactRecords, StateColumn};
 use crate::contacts::Contacts;
 use crate::domain::{Domain, halo_width};
+use crate::drive::element::Element;
 use crate::drive::free::FreeWalls;
 use crate::drive::inlet::Inlets;
 use crate::drive::ledger::Ledger;
@@ -152,6 +153,14 @@ pub enum StartError {
         /// By how much.
         strain: f64,
     },
+    /// A flow has carried its cell.
+    #[error(
+        "{path}: its cell has been strained. Give the scene a [cell]: an empty one keeps the edges where they are"
+    )]
+    Strained {
+        /// The snapshot.
+        path: PathBuf,
+    },
     /// Its domain repeats along other axes or with other lengths.
     #[error(
         "{path}: its periodic axes or their lengths differ from the scene's [domain]: a stage keeps those of the one before"
@@ -191,8 +200,12 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
     found.contacts.without_points = !needs.orientation;
     found.contacts.with_patches = needs.patches;
     let table = if needs.patches { contact::table_with_patches } else { contact::table };
+    let mut cell = scene.domain;
+    if let Some(control) = &scene.cell {
+        Element::begin(control, &mut cell);
+    }
     Simulation {
-        particles: Particles::new(needs, scene.library.clone(), scene.walls.clone(), scene.domain),
+        particles: Particles::new(needs, scene.library.clone(), scene.walls.clone(), cell),
         pairs: PairList::default(),
         contacts: Contacts::of(law.state()),
         sums: Sums::default(),
@@ -239,6 +252,9 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
     }
     if !scene.servos.is_empty() {
         drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.walls)));
+    }
+    if let Some(control) = &scene.cell {
+        drives.push(Box::new(Element::new(control.clone())));
     }
     if !scene.free_walls.is_empty() {
         drives.push(Box::new(FreeWalls::new(scene.free_walls.clone(), &scene.walls)));
@@ -307,7 +323,8 @@ pub fn take_up(
     if continuation == Continuation::SameStage && scene.own_step && shortened.contains(&header.dt) {
         sim.dt = header.dt;
     }
-    sim.particles.cell = sheared_on(scene, &header, reader.path())?;
+    sim.particles.cell = cell_of(scene, &header, reader.path(), continuation)?;
+    sim.domain.follow(&sim.particles.cell);
     let mut library = sim.particles.library.clone();
     if continuation == Continuation::SameStage {
         admit_saved(&mut library, &header);
@@ -399,7 +416,26 @@ fn start_of(scene: &str) -> Option<String> {
 }
 
 /// The scene's cell, with images where the snapshot has left them.
-fn sheared_on(scene: &Scene, header: &Header, path: &Path) -> Result<Cell, StartError> {
+fn cell_of(
+    scene: &Scene,
+    header: &Header,
+    path: &Path,
+    continuation: Continuation,
+) -> Result<Cell, StartError> {
+    match (header.cell.strained(), &scene.cell) {
+        (Some(_), Some(_)) if continuation == Continuation::SameStage => return Ok(header.cell),
+        (Some(_), Some(control)) => {
+            let mut cell = header.cell;
+            Element::begin(control, &mut cell);
+            return Ok(cell);
+        }
+        (None, Some(control)) if header.cell.shear().is_none() => {
+            let mut cell = scene.domain;
+            Element::begin(control, &mut cell);
+            return Ok(cell);
+        }
+        _ => {}
+    }
     let (now, before) = (scene.domain.shear(), header.cell.shear());
     let Some(Shear { along, across, strain, .. }) = before else { return Ok(scene.domain) };
     let goes_on = now.filter(|now| (now.along, now.across) == (along, across));
@@ -494,6 +530,9 @@ fn read_part(
     comm: &dyn Comm,
 ) -> Result<(Header, Vec<Particle>, ContactRecords), StartError> {
     let header = reader.header().clone();
+    if header.cell.strained().is_some() && scene.cell.is_none() {
+        return Err(StartError::Strained { path: path.to_owned() });
+    }
     if header.cell.repeats_otherwise(&scene.domain) {
         return Err(StartError::Period { path: path.to_owned() });
     }

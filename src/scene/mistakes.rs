@@ -145,8 +145,7 @@ const PUSHED: &str = "forces on single particles are not supported; instead make
      [[motion]] with its `mass` and `force`";
 const DRAG: &str = "fluids are not supported; instead take Stokes' drag as `global_damping` [1/s], 6 π η R / m of a sphere";
 /// A cell that is pressed or strained.
-pub(super) const CELL: &str = "a periodic cell that stresses or strains deform is not supported; instead press walls together, each pair \
-     by a [[servo]], or shear the cell by `domain.shear`";
+pub(super) const CELL: &str = "a periodic cell is pressed and strained by [cell], with a `stress` or a `rate` of each component";
 const OF_ONE: &str = "it is of one material; say it in [[material]]";
 const REACHED: &str = "a stage does not end by that; instead drive the wall by a [[servo]] with the `stress` and a `max_speed`, and let \
      `servo` end the stage, or set time.duration to the strain over its rate";

@@ -19,6 +19,7 @@ mod bed;
 mod before;
 mod check;
 pub mod doubts;
+mod element;
 mod fills;
 mod flows;
 mod form;
@@ -47,6 +48,7 @@ mod walls;
 
 use crate::cell::Cell;
 pub use crate::contact::Method;
+pub use crate::drive::element::Control;
 pub use crate::drive::free::FreeWall;
 pub use crate::drive::inlet::Inlet;
 pub use crate::drive::outlet::Outlet;
@@ -99,6 +101,8 @@ pub struct Scene {
     pub seed: u64,
     /// Where particles may be.
     pub domain: Cell,
+    /// How it is strained, if it is.
+    pub cell: Option<Control>,
     /// Materials, by `MaterialId`.
     pub materials: Vec<Material>,
     /// The law of contacts, with the constants of every pair of materials.

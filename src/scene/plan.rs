@@ -2,7 +2,8 @@
 
 use super::bed::Share;
 use super::doubts::doubts;
-use super::{Fill, Goal, Mix, Scene, Servo, Stop};
+use super::element;
+use super::{Control, Fill, Goal, Mix, Scene, Servo, Stop};
 use crate::cell::{AXES, Face, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
@@ -272,6 +273,9 @@ fn walls(scene: &Scene, page: &mut Page) {
         let axes = format!("along {}, faster the farther up {}", AXES[along], AXES[across]);
         page.line("images slide", format!("{axes}: {rate} 1/s; at the faces bodies change velocity, and each contact looks for it"));
     }
+    if let Some(control) = &scene.cell {
+        page.line("cell", element::words(control));
+    }
     for servo in &scene.servos {
         page.line("servo", steered(scene, servo));
     }
@@ -375,17 +379,16 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (!needs.spin, "no rotation: spheres without friction feel no moment".to_owned()),
         (!needs.velocity, "no velocities of ghosts: no friction, no dashpots".to_owned()),
         (!needs.image, "no counts of periods: no axis is periodic".to_owned()),
-        (
-            could_slide && scene.domain.shear().is_none(),
-            "no images that slide: no domain.shear".to_owned(),
-        ),
+        (could_slide && !scene.domain.moves(), "no images that slide: no domain.shear".to_owned()),
         (!needs.scale, "no scales: all particles are as large as their shapes".to_owned()),
         (scene.global_damping == 0.0, "no global damping".to_owned()),
         (scene.gravity == Vec3::zeros(), "no gravity".to_owned()),
         (scene.stop == Stop::default(), "no stop criterion: all steps are taken".to_owned()),
         (scene.audit.every == 0, "no audit of contacts: audit.every = 0".to_owned()),
         (
-            scene.servos.is_empty() && scene.free_walls.is_empty(),
+            scene.servos.is_empty()
+                && scene.free_walls.is_empty()
+                && !scene.cell.as_ref().is_some_and(Control::has_target),
             "no sum over all ranks in each step: no servos".to_owned(),
         ),
         (

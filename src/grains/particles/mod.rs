@@ -177,6 +177,12 @@ impl Particles {
         self.cell.velocity_of_nearest(&(b - a))
     }
 
+    /// The same in the step to come.
+    pub fn sliding_ahead(&self, pair: Pair) -> Vec3 {
+        let [a, b] = [pair.a, pair.b].map(|slot| self.position[slot.index()]);
+        self.cell.velocity_of_nearest_ahead(&(b - a))
+    }
+
     /// The bodies as contact resolution sees them.
     pub fn bodies(&self) -> Bodies<'_> {
         Bodies {
