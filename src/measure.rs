@@ -79,7 +79,7 @@ pub struct Measures {
 pub struct Bulk {
     /// Displacement over height so far, of a sheared cell [-].
     pub strain: f64,
-    /// Of a cell that a flow carries the sum of its rate over time, compression positive [-].
+    /// Sum of the rate of a flow that carries the cell over time, compression positive [-].
     pub strains: Option<[f64; 6]>,
     /// Of the contacts: the symmetric part of the sum of force times branch over the volume (Love 1927; Christoffersen,
     /// Mehrabadi and Nemat-Nasser 1981, DOI 10.1115/1.3157619) [Pa].

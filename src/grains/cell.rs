@@ -10,7 +10,7 @@
 //! upright box of the sides `H_xx`, `H_yy`, `H_zz`, which holds one image of each. Edges are chosen anew in each step so that their tilts
 //! are at most half of a side: by whole edges, from `H` alone, so the same on every rank.
 
-use crate::lanes::{Eight, Triple};
+use crate::lanes::{Eight, Triple, WIDTH};
 use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -83,6 +83,8 @@ struct Carried {
     strained: Strained,
     /// Velocity gradient in the last step [1/s].
     last_rate: Mat3,
+    /// Half of the last step [s].
+    half: f64,
     /// Edges of the same images with the least tilts, as columns [m].
     chosen: Mat3,
     /// How many of the first edge each of them has less than the carried one, and the third of the second: xy, xz, yz.
@@ -91,7 +93,15 @@ struct Carried {
     neared: f64,
 }
 
-/// What a step of a flow does to bodies.
+impl Carried {
+    /// How much faster the flow was half a step ago between two bodies that now part at `parting` beside it, from how much faster it is
+    /// `now` between them [m/s]. In that time they went half of their way.
+    fn midway(&self, now: &Vec3, parting: &Vec3) -> Vec3 {
+        now - upper(&self.last_rate, &(now + parting)) * self.half
+    }
+}
+
+/// Change of places in a step of a flow.
 #[derive(Clone, Copy, Debug)]
 pub struct Stretch {
     /// Moves places against the lowest corner; upper triangular.
@@ -106,14 +116,11 @@ fn upper(m: &Mat3, r: &Vec3) -> Vec3 {
     Vec3::new(m.m11 * r.x + m.m12 * r.y + m.m13 * r.z, m.m22 * r.y + m.m23 * r.z, m.m33 * r.z)
 }
 
-/// A difference in position, an edge nearer to zero where its part `along` the axis of the edge is more than half of the side [m].
+/// Three columns in lanes.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
-fn back_by<L: Eight>(r: Triple<L>, along: L, edge: &Vec3, side: f64) -> Triple<L> {
-    let half = L::all(0.5 * side);
-    let (above, below) = (half.less(along), along.less(L::all(0.0) - half));
-    let edge = Triple { x: L::all(edge.x), y: L::all(edge.y), z: L::all(edge.z) };
-    r.minus(edge).or(r.plus(edge).or(r, below), above)
+fn loaded<L: Eight>([x, y, z]: &[[f64; WIDTH]; 3]) -> Triple<L> {
+    Triple { x: L::load(x), y: L::load(y), z: L::load(z) }
 }
 
 /// The inverse of an upper triangular matrix.
@@ -127,7 +134,7 @@ pub fn upper_inverse(m: &Mat3) -> Mat3 {
 /// A box that reaches out of the cell along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beyond {
-    /// Which axis.
+    /// Name of the axis.
     pub axis: &'static str,
     /// From where to where the box is along it [m].
     pub place: [f64; 2],
@@ -201,7 +208,7 @@ impl Cell {
         Some(cell)
     }
 
-    /// The same with edges that a flow carries; `None` if an axis does not repeat, or the edges are none of an upper triangular matrix with
+    /// This cell with edges that a flow carries; `None` if an axis does not repeat, or the edges are none of an upper triangular matrix with
     /// a diagonal above 0.
     #[must_use]
     pub fn with_strain(self, strained: Strained) -> Option<Self> {
@@ -212,8 +219,14 @@ impl Cell {
         if self.periodic != [true; 3] || ![edges, rate, strain].iter().all(is_sound) || !is_box {
             return None;
         }
-        let carried =
-            Carried { strained, last_rate: rate, chosen: edges, turns: [0; 3], neared: 0.0 };
+        let carried = Carried {
+            strained,
+            last_rate: rate,
+            chosen: edges,
+            turns: [0; 3],
+            half: 0.0,
+            neared: 0.0,
+        };
         let mut cell = Self { images: Images::Carried(carried), ..self };
         cell.choose_edges();
         Some(cell)
@@ -258,6 +271,7 @@ impl Cell {
         let Images::Carried(carried) = &mut self.images else { return None };
         let Carried { strained: Strained { edges, rate, strain }, last_rate, neared, .. } = carried;
         *last_rate = *rate;
+        carried.half = 0.5 * dt;
         if *rate == Mat3::zeros() {
             return None;
         }
@@ -392,7 +406,7 @@ impl Cell {
         self.beyond_along(0..3, low, high)
     }
 
-    /// The same along the axes along which it repeats.
+    /// As [`Self::beyond`], but along the axes along which it repeats.
     pub fn beyond_period(&self, low: &Vec3, high: &Vec3) -> Option<Beyond> {
         self.beyond_along(self.repeating_axes(), low, high)
     }
@@ -551,6 +565,16 @@ impl Cell {
         self.velocity_above() * periods
     }
 
+    /// How fast it is sheared: of a flow `sqrt(2 D:D)` with the deviator `D` of its rate of strain [1/s].
+    pub fn shear_rate(&self) -> f64 {
+        let Images::Carried(Carried { strained, .. }) = &self.images else {
+            return self.shear().map_or(0.0, |shear| shear.rate.abs());
+        };
+        let strain = (strained.rate + strained.rate.transpose()) * 0.5;
+        let deviator = strain - Mat3::identity() * (strain.trace() / 3.0);
+        2.0_f64.sqrt() * deviator.norm()
+    }
+
     /// How far the image above has slid so far [m]; zero if none slides.
     pub fn way_above(&self) -> Vec3 {
         let mut way = Vec3::zeros();
@@ -591,7 +615,18 @@ impl Cell {
         }
     }
 
-    /// The same in the step to come.
+    /// [`Self::velocity_of_nearest`] half a step ago, where velocities are those that carry bodies through the step. `parting` is how fast the
+    /// other body leaves the one, the flow left out [m/s].
+    #[inline]
+    pub fn velocity_of_nearest_midway(&self, difference: &Vec3, parting: &Vec3) -> Vec3 {
+        let now = self.velocity_of_nearest(difference);
+        match &self.images {
+            Images::Carried(carried) => carried.midway(&now, parting),
+            _ => now,
+        }
+    }
+
+    /// As [`Self::velocity_of_nearest`], in the step to come.
     pub fn velocity_of_nearest_ahead(&self, difference: &Vec3) -> Vec3 {
         match &self.images {
             Images::Carried(carried) => upper(&carried.strained.rate, &self.nearest(*difference)),
@@ -599,21 +634,19 @@ impl Cell {
         }
     }
 
-    /// [`Self::velocity_of_nearest`] in lanes, of a difference in position [m].
+    /// [`Self::velocity_of_nearest_midway`] in lanes, of a difference in position [m] and in velocity [m/s].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
-    pub fn velocity_of_nearest_in_lanes<L: Eight>(&self, difference: Triple<L>) -> Triple<L> {
+    pub fn velocity_of_nearest_in_lanes<L: Eight>(
+        &self,
+        difference: Triple<L>,
+        parting: Triple<L>,
+    ) -> Triple<L> {
         let across = match &self.images {
             Images::Square => return Triple::zero(),
             Images::Slide(sliding) => sliding.shear.across,
-            Images::Carried(carried) => {
-                let Triple { x, y, z } = self.nearest_of(difference);
-                let rate = &carried.last_rate;
-                return Triple {
-                    x: L::all(rate.m11) * x + L::all(rate.m12) * y + L::all(rate.m13) * z,
-                    y: L::all(rate.m22) * y + L::all(rate.m23) * z,
-                    z: L::all(rate.m33) * z,
-                };
+            Images::Carried(_) => {
+                return loaded(&self.midway_of_rows(&difference.store(), &parting.store()));
             }
         };
         let Triple { x, y, z } = difference;
@@ -682,12 +715,8 @@ impl Cell {
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     pub fn nearest_of<L: Eight>(&self, mut r: Triple<L>) -> Triple<L> {
-        if let Images::Carried(Carried { chosen, .. }) = &self.images {
-            let first = Vec3::new(chosen.m11, 0.0, 0.0);
-            r = back_by(r, r.z, &Vec3::new(chosen.m13, chosen.m23, chosen.m33), chosen.m33);
-            r = back_by(r, r.y, &Vec3::new(chosen.m12, chosen.m22, 0.0), chosen.m22);
-            r = back_by(r, r.x, &first, chosen.m11);
-            return back_by(r, r.x, &first, chosen.m11);
+        if let Images::Carried(_) = &self.images {
+            return loaded(&self.nearest_of_rows(&r.store()));
         }
         if let Images::Slide(Sliding { shear: Shear { along, across, .. }, offset, .. }) =
             self.images
@@ -710,6 +739,33 @@ impl Cell {
             }
         }
         r
+    }
+
+    /// [`Self::nearest`] of eight differences. Apart, so that kernels stay small enough for the compiler.
+    #[inline(never)]
+    fn nearest_of_rows(&self, differences: &[[f64; WIDTH]; 3]) -> [[f64; WIDTH]; 3] {
+        let mut nearest = [[0.0; WIDTH]; 3];
+        for lane in 0..WIDTH {
+            let r = self.nearest(differences.map(|column| column[lane]).into());
+            nearest.iter_mut().zip(r.iter()).for_each(|(column, x)| column[lane] = *x);
+        }
+        nearest
+    }
+
+    /// [`Self::velocity_of_nearest_midway`] of eight differences in position and velocity.
+    #[inline(never)]
+    fn midway_of_rows(
+        &self,
+        differences: &[[f64; WIDTH]; 3],
+        parting: &[[f64; WIDTH]; 3],
+    ) -> [[f64; WIDTH]; 3] {
+        let mut velocities = [[0.0; WIDTH]; 3];
+        for lane in 0..WIDTH {
+            let [r, parting] = [differences, parting].map(|rows| rows.map(|column| column[lane]));
+            let velocity = self.velocity_of_nearest_midway(&r.into(), &parting.into());
+            velocities.iter_mut().zip(velocity.iter()).for_each(|(column, x)| column[lane] = *x);
+        }
+        velocities
     }
 
     /// The way of a body from one place to another, through a periodic face or not [m].
@@ -772,7 +828,7 @@ impl Cell {
         (faces, is_far)
     }
 
-    /// The same where a flow carries the edges: from any distance, and with one velocity everywhere.
+    /// As [`Self::wrap`] where a flow carries the edges: from any distance, and with one velocity everywhere.
     #[cold]
     fn carry_back(&self, place: &mut Vec3, image: &mut [i32; 3]) -> (u32, bool) {
         let Images::Carried(Carried { turns: [xy, xz, yz], .. }) = self.images else {
@@ -936,7 +992,7 @@ impl Cell {
         image(0.0).min(image(1.0)).min(image(-1.0))
     }
 
-    /// The same where a flow carries the edges; `between` tells how far apart the boxes are along an axis, the other one shifted [m].
+    /// As [`Self::gap`] where a flow carries the edges; `between` tells how far apart the boxes are along an axis, the other one shifted [m].
     fn gap_of_carried(chosen: &Mat3, between: impl Fn(usize, f64) -> f64) -> f64 {
         let mut least = f64::INFINITY;
         for k in [-1.0, 0.0, 1.0] {

@@ -385,6 +385,7 @@ fn facts(header: &Header) -> Vec<(String, String)> {
         ("domain", format!("{:?} to {:?} m", low.as_slice(), high.as_slice())),
         ("periodic", format!("{:?}", cell.periodic())),
         ("shear", cell.shear().map_or_else(|| "none".to_owned(), |shear| format!("{shear:?}"))),
+        ("flow", cell.strained().map_or_else(|| "none".to_owned(), |flow| format!("{flow:?}"))),
         ("gravity", format!("{:?} m/s2", gravity.as_slice())),
         ("names of walls", names(walls.iter().map(|wall| &wall.name).collect())),
         ("names of shapes", names(shapes.iter().map(|shape| &shape.name).collect())),

@@ -516,7 +516,7 @@ impl SolidVolume {
             }
             quotient(velocity.norm(), packing.lengths()[axis])
         };
-        let of_cell = header.cell.shear().map(|shear| shear.rate.abs());
+        let of_cell = Some(header.cell.shear_rate()).filter(|_| header.cell.moves());
         let rate = (0..3).filter_map(between_walls).chain(of_cell).reduce(f64::max)?;
         let diameter = diameter_of(quotient(self.sum.value(), self.particles as f64)?);
         let density = quotient(self.mass.value(), self.sum.value())?;

@@ -24,7 +24,7 @@ pub(super) fn domain(root: &Section, domain: Option<&Cell>) -> Option<Cell> {
     carried
 }
 
-/// What the cell shall do; `None` if it is wrong, and `Some(None)` if there is no `[cell]`.
+/// Reads what the cell shall do; `None` if it is wrong, and `Some(None)` if there is no `[cell]`.
 #[expect(clippy::option_option, reason = "wrong, none, or one")]
 pub(super) fn control(root: &Section) -> Option<Option<Control>> {
     let Some(section) = root.section("cell") else {
@@ -106,7 +106,7 @@ fn goal(given: &Given) -> Option<Goal> {
     }
 }
 
-/// What does not go with a cell that is strained.
+/// Refuses what does not go with a cell that is strained.
 pub(super) fn check_others(root: &Section, walls: usize) {
     if root.get("cell").is_none() {
         return;
@@ -172,7 +172,7 @@ pub(super) fn check_course(
     }
 }
 
-/// What a cell does, in words.
+/// Describes what a cell does in words.
 pub(super) fn words(control: &Control) -> String {
     let Control { goals, ramp, max_rate, gain } = control;
     let one = |(k, goal): (usize, &Goal)| match goal {

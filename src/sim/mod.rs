@@ -206,7 +206,8 @@ impl Simulation {
         self.clock.restart();
         let asked = self.start_sums(comm);
         self.particles.move_cell(self.dt);
-        motion::affine::carry(&mut self.particles, self.dt, self.domain.halo() + self.skin);
+        let reach = self.domain.halo() + self.skin;
+        motion::affine::carry(&mut self.particles, &self.field, self.dt, reach);
         let farthest = motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
         self.clock.lap(Phase::Move);
         self.steer_walls(&asked, comm)?;
@@ -644,7 +645,7 @@ impl Simulation {
         let particles = &mut self.particles;
         let mut given: Vec<(usize, f64)> = Vec::new();
         for (pair, force) in self.contacts.forces() {
-            let (now, then) = (particles.sliding_of_image(pair), particles.sliding_ahead(pair));
+            let (now, then) = (particles.sliding_now(pair), particles.sliding_ahead(pair));
             if now != Vec3::zeros() || then != Vec3::zeros() {
                 let share = -0.5 * before * force.dot(&now) - 0.5 * ahead * force.dot(&then);
                 given.extend([pair.a, pair.b].map(|slot| (slot.index(), share)));

@@ -15,7 +15,7 @@ use crate::math::Vec3;
 use crate::measure::COMPONENTS;
 use serde::{Deserialize, Serialize};
 
-/// What a component of strain or stress shall do; compression positive.
+/// Strain rate or stress asked of a component; compression positive.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Goal {
     /// This strain rate [1/s].
@@ -38,7 +38,7 @@ impl Goal {
     }
 }
 
-/// What a cell shall do.
+/// Strain rates and stresses asked of a cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Control {
     /// By [`COMPONENTS`].
@@ -51,7 +51,7 @@ pub struct Control {
     pub gain: f64,
 }
 
-/// What presses in a cell.
+/// Stress and stiffness of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pressed {
     /// Stress, compression positive, by [`COMPONENTS`] [Pa].
@@ -60,7 +60,7 @@ pub struct Pressed {
     pub moduli: Vec3,
 }
 
-/// What a component goes on with from step to step.
+/// State of the control of a component.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct State {
     /// The integral: the rate at which nothing is missing [1/s].
@@ -103,7 +103,7 @@ impl Control {
         rates
     }
 
-    /// What a target is now [Pa]: at this time since the stage began [s], from the stress at its beginning.
+    /// Target at a time since the stage began [s], on its way from the first stress to the goal [Pa].
     pub fn target_at(&self, goal: f64, first: f64, time: f64) -> f64 {
         let part = if time < self.ramp { time / self.ramp } else { 1.0 };
         first + (goal - first) * part

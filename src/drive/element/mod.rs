@@ -28,12 +28,12 @@ const SUMS: usize = COMPONENTS.len() + 3;
 #[derive(Clone, Debug)]
 pub struct Element {
     control: Control,
-    /// Of components with a target, as their records.
+    /// Those of components without a target stay as they are; so do their records.
     states: [State; 6],
     records: [Record; 6],
     /// Has the stress been seen with which the stage begins?
     has_begun: bool,
-    /// Of this rank, at the positions of now.
+    /// Sums of this rank at the positions of now; empty without targets.
     sums: Vec<ExactSum>,
     warnings: Vec<String>,
     /// Is a target still under way?
@@ -46,7 +46,7 @@ pub fn gradient(rates: &[f64; 6]) -> Mat3 {
     -Mat3::new(xx, xy, xz, 0.0, yy, yz, 0.0, 0.0, zz)
 }
 
-/// What a component is called.
+/// Name of a component, as `xy`.
 pub fn name_of(component: usize) -> String {
     COMPONENTS[component].map(|axis| AXES[axis]).concat()
 }
@@ -111,14 +111,14 @@ impl Element {
         all.filter(|(.., late)| late.steps > 0.0)
     }
 
-    /// What errors of a component are over [Pa].
+    /// Stress by which errors of a component are divided [Pa].
     fn size(&self, goal: f64) -> f64 {
         let nothing = Pressed::default();
         if goal == 0.0 { scale_of(&self.control, &self.states, &nothing, true) } else { goal.abs() }
     }
 }
 
-/// What errors of targets of zero are over: the largest target, or the largest stress with which the stage began [Pa].
+/// Stress by which errors of targets of zero are divided: the largest target, or the largest stress with which the stage began [Pa].
 fn scale_of(control: &Control, states: &[State; 6], pressed: &Pressed, has_begun: bool) -> f64 {
     let largest = control.targets().map(|(_, goal)| goal.abs()).fold(0.0, f64::max);
     if largest > 0.0 {

@@ -26,7 +26,7 @@ const BEGUN: StateColumn = StateColumn::new("begun", 1, "1");
 const RECENT: StateColumn = StateColumn::new("recent", 4, "1");
 /// Errors since the stage began; parts without steps are not there.
 const COURSE: StateColumn = StateColumn::new("course", 4 * PARTS, "1");
-/// Of all ranks, exactly: stress times volume, then, in the first three rows, moduli times volume; nothing without targets.
+/// Exact sums of all ranks: stress times volume; in the first three rows of the other column moduli times volume.
 const STRESS: StateColumn = StateColumn::new("stress", ExactSum::LIMBS, "2^(32 k - 1074) J");
 const MODULI: StateColumn = StateColumn::new("moduli", ExactSum::LIMBS, "2^(32 k - 1074) J");
 

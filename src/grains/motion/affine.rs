@@ -7,27 +7,30 @@
 //!
 //! The flow's work on the motion, `-m v · L v`, is received energy, as is its work on the contacts, which the simulation counts.
 
+use super::Field;
 use crate::cell::upper_inverse;
 use crate::math::{Mat3, Vec3};
 use crate::particles::Particles;
 use crate::particles::columns::Quantity;
 
-/// Carries the cell and the bodies on for a step of `dt` [s], before its first kick. Bodies that may touch are no farther apart than
-/// `reach` [m].
-pub fn carry(particles: &mut Particles, dt: f64, reach: f64) {
+/// Carries the cell and the bodies on for a step of `dt` [s], before its first kick, by the rule of the implicit midpoint:
+/// `x' - x = dt (v⁺ + L (x + x') / 2)` with the velocity `v⁺` after the kick. Bodies that may touch are no farther apart than `reach` [m].
+pub fn carry(particles: &mut Particles, field: &Field, dt: f64, reach: f64) {
     let Some(stretch) = particles.cell.carry(dt, reach) else { return };
     let (low, _) = particles.cell.corners();
-    let half = stretch.rate * (0.5 * dt);
+    let (half, one) = (stretch.rate * (0.5 * dt), Mat3::identity());
+    let beside = upper_inverse(&(one - half)) - one;
     for slot in 0..particles.owned {
         let before = particles.velocity[slot];
-        let pulled = half * before;
-        change_velocity(particles, slot, before - pulled);
+        let pulled = before - half * before;
+        change_velocity(particles, slot, pulled);
+        let kicked = field.after_first_kick(particles, slot, dt);
         let from = particles.position[slot] - low;
-        particles.position[slot] = low + (stretch.places * from + pulled * dt);
+        particles.position[slot] = low + (stretch.places * from + beside * kicked * dt);
         let listed = &mut particles.listed_at[slot];
         *listed = low + stretch.places * (*listed - low);
     }
-    let nearer = (stretch.places - Mat3::identity()).norm() * reach * (1.0 + 1e-9);
+    let nearer = (stretch.places - one).norm() * reach * (1.0 + 1e-9);
     let way = 0.5 * nearer + particles.cell.rounding_of_images();
     let bodies = particles.first_facet();
     for travel in particles.travel.iter_mut().take(bodies) {
@@ -45,7 +48,7 @@ pub fn settle(particles: &mut Particles, dt: f64) {
     }
 }
 
-/// What a body gains by it is received.
+/// Gives a body another velocity; its energy is received.
 fn change_velocity(particles: &mut Particles, slot: usize, after: Vec3) {
     let before = std::mem::replace(&mut particles.velocity[slot], after);
     let gained = 0.5 * particles.mass(slot) * (after - before).dot(&(after + before));

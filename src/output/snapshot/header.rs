@@ -119,7 +119,7 @@ fn read_run(file: &StoredFile, header: &mut Header) -> Result<(), SnapshotError>
 
 const SHEAR_AXES: &str = "shear_along_across";
 const SHEAR: &str = "shear_rate_strain";
-/// Of [`Strained`], by rows.
+/// Columns of the edges of a cell that a flow carries ([`Strained`]), by rows.
 const EDGES: &str = "edges";
 const RATE: &str = "velocity_gradient";
 const STRAIN: &str = "strain";
