@@ -26,7 +26,9 @@ pub fn carry(particles: &mut Particles, field: &Field, dt: f64, reach: f64) {
         change_velocity(particles, slot, pulled);
         let kicked = field.after_first_kick(particles, slot, dt);
         let from = particles.position[slot] - low;
-        particles.position[slot] = low + (stretch.places * from + beside * kicked * dt);
+        let own = beside * kicked * dt;
+        particles.position[slot] = low + (stretch.places * from + own);
+        particles.travel[slot] += own.norm();
         let listed = &mut particles.listed_at[slot];
         *listed = low + stretch.places * (*listed - low);
     }
