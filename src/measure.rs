@@ -1,7 +1,7 @@
 //! System-wide scalars: energies, momentum, contacts. Every sum is exact, so that every digit of the
 //! log is the same on any number of ranks.
 
-use crate::cell::{Cell, Shear};
+use crate::cell::{Cell, Shear, Strained};
 use crate::comm::Comm;
 use crate::contact::Pair;
 use crate::contacts::{Contacts, Loaded};
@@ -77,15 +77,17 @@ pub struct Measures {
     pub group_forces: Vec<Vec3>,
     /// Torque of the contacts on each group that turns, about its reference point [N m]; 0 of others.
     pub group_torques: Vec<Vec3>,
-    /// Of a sheared cell.
+    /// Of a cell that is sheared or carried by a flow.
     pub bulk: Option<Bulk>,
 }
 
-/// Stress in the whole of a sheared cell, compression positive, by [`COMPONENTS`].
+/// Stress in the whole of a cell that is sheared or carried by a flow, compression positive, by [`COMPONENTS`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bulk {
-    /// Displacement over height so far [-].
+    /// Displacement over height so far, of a sheared cell [-].
     pub strain: f64,
+    /// Sum of the rate of a flow that carries the cell over time, compression positive [-].
+    pub strains: Option<[f64; 6]>,
     /// Of the contacts: the symmetric part of the sum of force times branch over the volume (Love 1927; Christoffersen,
     /// Mehrabadi and Nemat-Nasser 1981, DOI 10.1115/1.3157619) [Pa].
     pub of_contacts: [f64; 6],
@@ -239,8 +241,10 @@ pub fn measure(
         totals.add_work_ahead(&contact, particles, dt);
     }
     totals.combine(comm);
-    let bulk = particles.cell.shear().map(|Shear { strain, .. }| Bulk {
-        strain,
+    let strained = particles.cell.strained();
+    let bulk = particles.cell.moves().then(|| Bulk {
+        strain: particles.cell.shear().map_or(0.0, |Shear { strain, .. }| strain),
+        strains: strained.map(|Strained { strain, .. }| COMPONENTS.map(|[i, j]| -strain[(i, j)])),
         of_contacts: totals.stress(0, &particles.cell),
         of_motion: totals.stress(1, &particles.cell),
     });
@@ -278,7 +282,7 @@ impl Totals {
             count += if is_there { how_many } else { 0 };
             first
         };
-        let stresses = more(particles.cell.shear().is_some(), 2 * COMPONENTS.len());
+        let stresses = more(particles.cell.moves(), 2 * COMPONENTS.len());
         let torques = more(particles.facets.any_torque, 3 * walls);
         let belts = more(particles.walls.iter().any(Wall::is_belt), walls);
         let groups = more(!particles.groups.is_empty(), 6 * particles.groups.len());
@@ -419,7 +423,7 @@ impl Totals {
     /// Takes back what images that slide give only in the first half of the next step.
     fn add_work_ahead(&mut self, contact: &Loaded, particles: &Particles, dt: f64) {
         if self.stresses.is_some() {
-            let slides = particles.sliding_of_image(contact.pair);
+            let slides = particles.sliding_ahead(contact.pair);
             self.add(Of::Received, 0.5 * dt * contact.force.dot(&slides));
         }
     }

@@ -47,8 +47,8 @@ impl Case {
         ensure!(scene.materials.len() == 1, "{}: one material is needed", file.display());
         ensure!(
             scene.walls.len() == 5
-                && domain.low() == Vec3::zeros()
-                && domain.high().x == domain.high().y,
+                && domain.corners().0 == Vec3::zeros()
+                && domain.corners().1.x == domain.corners().1.y,
             "{}: a box from the origin, as long as wide, with all walls but +z is needed",
             file.display()
         );
@@ -71,7 +71,7 @@ impl Case {
             start: list.iter().map(|p| p.position).collect(),
             radius: sphere.radius,
             density: mass / (4.0 / 3.0 * PI * sphere.radius.powi(3)),
-            high: domain.high(),
+            high: domain.corners().1,
             gravity: -scene.gravity.z,
             stiffness,
             friction: constants.friction,

@@ -157,7 +157,7 @@ impl Drum {
 
     /// As LIGGGHTS reads it; ids count from 1.
     fn data_file(&self, radius: f64, density: f64) -> anyhow::Result<String> {
-        let (low, high) = (self.scene.domain.low(), self.scene.domain.high());
+        let (low, high) = (self.scene.domain.corners().0, self.scene.domain.corners().1);
         let mut text = format!("\n{} atoms\n2 atom types\n", self.start.len());
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             writeln!(text, "{} {} {name}lo {name}hi", low[axis], high[axis])?;

@@ -63,12 +63,12 @@ impl Packing {
             Scene::parse(DILUTE, "packing", Path::new(""), &[]).map_err(|e| anyhow!("{e}"))?;
         let mut particles: Vec<Particle> = packing::initial(&scene).collect();
         let grains = f64::from(CELL) * scene.library.shapes[0].volume();
-        let (first, last) = (scene.domain.high().x, (grains / SOLID).cbrt());
+        let (first, last) = (scene.domain.corners().1.x, (grains / SOLID).cbrt());
         let (stages, steps) = STAGES;
         for stage in 1..=stages + 10 {
             let side =
                 first * (last / first).powf(f64::from(stage.min(stages)) / f64::from(stages));
-            let shrink = side / scene.domain.high().x;
+            let shrink = side / scene.domain.corners().1.x;
             scene.domain = cube(Vec3::repeat(side));
             let mut comm = Alone::default();
             let mut sim = assemble::assemble(&scene, &comm);
@@ -95,7 +95,7 @@ impl Packing {
 
     /// So many cells along each axis, with this rank's particles in it.
     pub(crate) fn begun(&self, cells: [u32; 3], comm: &mut dyn Comm) -> Simulation {
-        let side = self.scene.domain.high().x;
+        let side = self.scene.domain.corners().1.x;
         let mut scene = self.scene.clone();
         scene.domain = cube(Vec3::from(cells.map(|count| f64::from(count) * side)));
         let mut sim = assemble::assemble(&scene, comm);

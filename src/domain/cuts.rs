@@ -120,6 +120,32 @@ impl Cuts {
         self.space
     }
 
+    /// Moves all cuts with the sides of what is cut.
+    pub fn stretch(&mut self, space: Subdomain) {
+        let before = self.space;
+        let times = (space.high - space.low).component_div(&(before.high - before.low));
+        let moved = |axis: usize, at: f64| {
+            // Outer faces stay outer faces to the last bit.
+            match () {
+                () if at == before.low[axis] => space.low[axis],
+                () if at == before.high[axis] => space.high[axis],
+                () => space.low[axis] + (at - before.low[axis]) * times[axis],
+            }
+        };
+        for node in &mut self.nodes {
+            if let Node::Cut { axis, at, .. } = node {
+                *at = moved(*axis, *at);
+            }
+        }
+        for one in &mut self.subdomains {
+            for axis in 0..3 {
+                one.low[axis] = moved(axis, one.low[axis]);
+                one.high[axis] = moved(axis, one.high[axis]);
+            }
+        }
+        self.space = space;
+    }
+
     /// The rank that owns a point, wherever it lies.
     pub fn owner(&self, point: &Vec3) -> Rank {
         let mut node = 0;

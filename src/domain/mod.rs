@@ -108,7 +108,8 @@ pub struct Domain {
 impl Domain {
     /// A cell cut evenly among all ranks; `halo` is the halo width, largest reach plus skin [m].
     pub fn new(cell: &Cell, halo: f64, comm: &dyn Comm) -> Self {
-        let cuts = Cuts::even(cell.low(), cell.high(), comm.size());
+        let (low, high) = cell.corners();
+        let cuts = Cuts::even(low, high, comm.size());
         Self {
             halo,
             cuts,
@@ -116,6 +117,22 @@ impl Domain {
             knows_neighbours: false,
             offered: 0,
             traffic: Traffic::default(),
+        }
+    }
+
+    /// So far apart may bodies be that see each other [m].
+    pub const fn halo(&self) -> f64 {
+        self.halo
+    }
+
+    /// Moves the cuts with the sides of a cell that a flow carries. After it particles must migrate.
+    pub fn follow(&mut self, cell: &Cell) {
+        let (low, high) = cell.corners();
+        let space = Subdomain { low, high };
+        if cell.strained().is_some() && self.cuts.space() != space {
+            self.cuts.stretch(space);
+            self.neighbours.clear();
+            self.knows_neighbours = false;
         }
     }
 

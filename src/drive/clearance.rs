@@ -24,7 +24,7 @@ impl Astray {
         if wall.is_far_out_of(cell) {
             return Some(Self::Gone);
         }
-        let domain @ (low, high) = (cell.low(), cell.high());
+        let domain @ (low, high) = cell.corners();
         // Of a plane across an axis what is between it and what it faces; of others what they leave of the domain.
         let (gap, outside, width) = if let Some(Across { axis, inwards, place }) = wall.across() {
             let [lowest, highest] = ends(walls, axis);

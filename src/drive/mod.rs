@@ -11,7 +11,7 @@
 //!
 //! 1. ask for sums over all ranks, which are found while the particles move ([`Drive::sums`]);
 //! 2. hold particles on courses of their own while the others move ([`Drive::lead`], [`Drive::place`]);
-//! 3. give walls their velocities and angular velocities ([`Drive::steer`]);
+//! 3. give walls their velocities and angular velocities, and the cell its rate ([`Drive::steer`]);
 //! 4. insert particles, before the list of pairs is made ([`Drive::insert`], [`Drive::admit`]);
 //! 5. take out particles that have left the domain or have reached where they leave ([`Drive::reaches`], [`Drive::take`]);
 //! 6. look at the forces, as observers that act on nothing do after it ([`Observer::after_forces`]);
@@ -98,6 +98,8 @@
 //! ```
 
 mod clearance;
+pub mod element;
+mod errors;
 pub mod free;
 pub mod groups;
 pub mod inlet;
@@ -184,8 +186,8 @@ pub struct Steering<'a> {
     pub moment: Moment,
     /// What [`Drive::sums`] asked for, of all ranks.
     pub sums: &'a [i64],
-    /// The domain and its periods.
-    pub cell: &'a Cell,
+    /// The domain and its periods; the rate of the flow that carries it may be set.
+    pub cell: &'a mut Cell,
     /// Shapes of the particles.
     pub library: &'a Library,
     /// All walls of the simulation.

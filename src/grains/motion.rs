@@ -24,6 +24,8 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
+pub mod affine;
+
 use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
 use crate::math::{Quat, Vec3, Vec3AndNumber};
 use crate::particles::Particles;
@@ -58,6 +60,12 @@ impl Field {
     /// a particle that appears within a step.
     pub fn before_last_kick(&self, velocity: &Vec3, dt: f64) -> Vec3 {
         velocity * (1.0 + 0.5 * self.damping * dt) - self.gravity * (0.5 * dt)
+    }
+
+    /// The velocity of a particle after the first kick of a step of `dt` [s], from that before it [m/s].
+    pub fn after_first_kick(&self, particles: &Particles, slot: usize, dt: f64) -> Vec3 {
+        let (force, mass) = (self.force(particles, slot), particles.mass(slot));
+        Kick::first(self, dt).after(&particles.velocity[slot], &force, mass)
     }
 
     /// The velocity into which the second kick of a step of `dt` [s] turns `velocity` where nothing touches [m/s].

@@ -1353,12 +1353,13 @@ fn belts<L: Eight>(particles: &Particles, walls: Gather) -> Option<Triple<L>> {
 /// Velocities of the images of B that A sees against B themselves [m/s]; `None` if no image slides.
 #[inline(always)]
 fn sliding_of_images<L: Eight>(particles: &Particles, [a, b]: [Gather; 2]) -> Option<Triple<L>> {
-    let Particles { position, cell, .. } = particles;
-    let shear = cell.shear()?;
-    Some(cell.velocity_of_nearest_in_lanes(
-        &shear,
-        vectors::<L>(position, b).minus(vectors(position, a)),
-    ))
+    let Particles { position, velocity, cell, .. } = particles;
+    if !cell.moves() {
+        return None;
+    }
+    let apart = vectors::<L>(position, b).minus(vectors(position, a));
+    let parting = vectors::<L>(velocity, b).minus(vectors(velocity, a));
+    Some(cell.velocity_of_nearest_in_lanes(apart, parting))
 }
 
 /// How fast the centres of B leave those of A [m/s].

@@ -14,7 +14,7 @@
 //! What drives count ([`crate::drive::Reporter::counted`]) stands in the last columns: what came through inlets, what left through
 //! outlets, the work of walls and what was lost at them ([`crate::drive::ledger`]).
 //!
-//! Of a sheared cell there are the strain and the stresses of [`crate::measure::Bulk`] besides.
+//! Of a sheared cell there are the strain, of a cell that a flow carries the strains, and the stresses of [`crate::measure::Bulk`] besides.
 
 use super::growing::{GrowingTable, TableError};
 use crate::cell::AXES;
@@ -173,8 +173,12 @@ impl History {
         let none = Vec3::zeros();
         let names = |(wall, of): (_, &OfWall)| of.columns(wall, &none, &none, 0.0).into_iter();
         columns.extend(walls.iter().zip(&of_walls).flat_map(names).map(|(name, _)| name));
-        if cell.shear().is_some() {
-            columns.push("strain".to_owned());
+        if cell.moves() {
+            let component = |[i, j]: [usize; 2]| format!("strain_{}{}", AXES[i], AXES[j]);
+            match cell.strained() {
+                Some(_) => columns.extend(COMPONENTS.map(component)),
+                None => columns.push("strain".to_owned()),
+            }
             for kind in ["contact", "kinetic"] {
                 let name = |[i, j]: [usize; 2]| format!("{kind}_stress_{}{}_Pa", AXES[i], AXES[j]);
                 columns.extend(COMPONENTS.map(name));
@@ -214,7 +218,8 @@ impl History {
             }))
             .chain(measures.bulk.iter().flat_map(|bulk| {
                 let stresses = bulk.of_contacts.into_iter().chain(bulk.of_motion);
-                std::iter::once(bulk.strain).chain(stresses)
+                let strains = bulk.strains.map_or_else(|| vec![bulk.strain], Vec::from);
+                strains.into_iter().chain(stresses)
             }))
             .chain(own.iter().copied())
             .map(digits);

@@ -373,6 +373,7 @@ fn facts(header: &Header) -> Vec<(String, String)> {
         shapes,
     } = header;
     let names = |names: Vec<&String>| format!("{names:?}");
+    let (low, high) = cell.corners();
     let all = [
         ("step", step.to_string()),
         ("time", format!("{time:e} s")),
@@ -381,9 +382,10 @@ fn facts(header: &Header) -> Vec<(String, String)> {
         ("steps of another length before", format!("{stage_shift:e} s more")),
         ("next id", next_id.to_string()),
         ("left behind by particles that are gone", left_behind(*departed)),
-        ("domain", format!("{:?} to {:?} m", cell.low().as_slice(), cell.high().as_slice())),
+        ("domain", format!("{:?} to {:?} m", low.as_slice(), high.as_slice())),
         ("periodic", format!("{:?}", cell.periodic())),
         ("shear", cell.shear().map_or_else(|| "none".to_owned(), |shear| format!("{shear:?}"))),
+        ("flow", cell.strained().map_or_else(|| "none".to_owned(), |flow| format!("{flow:?}"))),
         ("gravity", format!("{:?} m/s2", gravity.as_slice())),
         ("names of walls", names(walls.iter().map(|wall| &wall.name).collect())),
         ("names of shapes", names(shapes.iter().map(|shape| &shape.name).collect())),

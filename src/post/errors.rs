@@ -73,6 +73,11 @@ pub enum MeasureError {
         /// How far the weight reaches [m].
         range: f64,
     },
+    /// The edges of the cell lean, and cells of fields are upright.
+    #[error(
+        "the edges of the cell lean, so images stand beside the cells of a grid: fields are there for cells whose edges are along the axes only"
+    )]
+    Leaning,
     /// No grains where it is measured.
     #[error("no grain is in the region: make it larger, or name another snapshot")]
     NobodyThere,

@@ -179,9 +179,9 @@ type Room = [Vec3; 2];
 /// The domain, and all grains and walls that are out of it; along periodic axes the domain alone.
 fn room(reader: &Reader) -> Result<Room, PostError> {
     let header = reader.header();
-    let [mut low, mut high] = [header.cell.low(), header.cell.high()];
+    let (mut low, mut high) = header.cell.corners();
     let mut hold = |point: &Vec3, reach: f64| {
-        for k in (0..3).filter(|&k| header.cell.period(k).is_none()) {
+        for k in header.cell.open_axes() {
             low[k] = low[k].min(point[k] - reach);
             high[k] = high[k].max(point[k] + reach);
         }

@@ -29,7 +29,6 @@ use super::errors::MeasureError;
 use super::grid::Grid;
 use super::pieces;
 use super::region::{Bounds, Region};
-use crate::cell::AXES;
 use crate::comm::alone::Alone;
 use crate::math::{Mat3, Vec3};
 use crate::output::SnapshotError;
@@ -352,12 +351,14 @@ fn check_width(header: &Header, how: Smoothing) -> Result<(), MeasureError> {
         return Err(MeasureError::CoarserThanWeight { side, width });
     }
     let range = weight.range(width);
-    for (k, axis) in AXES.into_iter().enumerate() {
-        if let Some(period) = header.cell.period(k).filter(|&period| 2.0 * range > period) {
-            return Err(MeasureError::WiderThanPeriod { axis, period, range });
-        }
+    let edges = header.cell.edges();
+    if header.cell.strained().is_some() && edges != Mat3::from_diagonal(&edges.diagonal()) {
+        return Err(MeasureError::Leaning);
     }
-    Ok(())
+    match header.cell.thin(2.0 * range).next() {
+        Some((axis, period)) => Err(MeasureError::WiderThanPeriod { axis, period, range }),
+        None => Ok(()),
+    }
 }
 
 /// The box that the weights of all grains and branches reach; along a periodic axis the period.
@@ -378,14 +379,8 @@ fn reached(reader: &Reader, range: f64) -> Result<Bounds, MeasureError> {
     if low.x > high.x {
         return Err(MeasureError::NobodyThere);
     }
-    for k in 0..3 {
-        if header.cell.period(k).is_some() {
-            (low[k], high[k]) = (header.cell.low()[k], header.cell.high()[k]);
-        } else {
-            low[k] -= range;
-            high[k] += range;
-        }
-    }
+    let range = Vec3::repeat(range);
+    let (low, high) = header.cell.with_periods(low - range, high + range);
     Ok(Bounds { low, high })
 }
 
@@ -422,7 +417,8 @@ impl Seam {
         let mut shifts: Vec<Vec3> = cell.shifts().into_iter().filter(is_first).collect();
         shifts.sort_by(|a, b| a[across].total_cmp(&b[across]));
         shifts.dedup_by(|a, b| a[across] == b[across]);
-        Some(Self { across, ends: [cell.low()[across], cell.high()[across]], shifts })
+        let (low, high) = cell.corners();
+        Some(Self { across, ends: [low[across], high[across]], shifts })
     }
 
     /// The weights of a point and its images on all middles of cells in the period.
@@ -466,13 +462,8 @@ fn around(grid: &Grid, how: Smoothing, place: &Vec3, mut tell: impl FnMut([i64; 
 impl Spread {
     fn new(header: &Header, grid: Grid, how: Smoothing) -> Self {
         let cell = &header.cell;
-        let velocity = |shift: &Vec3| {
-            cell.shear().map_or_else(Vec3::zeros, |shear| {
-                let periods = cell.period(shear.across).map_or(0.0, |p| shift[shear.across] / p);
-                cell.velocity_above() * periods
-            })
-        };
-        let images = cell.shifts().into_iter().map(|shift| (shift, velocity(&shift))).collect();
+        let images = cell.shifts().into_iter();
+        let images = images.map(|shift| (shift, cell.velocity_of_image(&shift))).collect();
         Self { grid, how, images, seam: Seam::of(header), near: Vec::new() }
     }
 

@@ -135,7 +135,7 @@ pub fn through_plane(
     for reader in readers {
         let reader = reader?;
         let header = reader.header();
-        if header.cell.period(axis).is_some() {
+        if header.cell.periodic()[axis] {
             return Err(MeasureError::AcrossPeriod { axis: AXES[axis] });
         }
         let mut now = BTreeMap::new();

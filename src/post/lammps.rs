@@ -20,7 +20,7 @@ pub fn drawn_otherwise(header: &Header) -> Vec<&str> {
     header.shapes.iter().filter(|row| !is_true(&row.kind)).map(|row| &*row.name).collect()
 }
 
-/// Writes what stands above the rows of atoms. Of a sheared cell the box is tilted, if LAMMPS can.
+/// Writes what stands above the rows of atoms. Of a cell that is sheared or strained the box is tilted, if LAMMPS can.
 ///
 /// # Errors
 /// The writer's.
@@ -28,11 +28,20 @@ pub fn write_header(out: &mut impl Write, header: &Header, particles: usize) -> 
     let sides = header.cell.periodic().map(|periodic| if periodic { "pp" } else { "ff" });
     writeln!(out, "ITEM: TIMESTEP\n{}", header.step)?;
     writeln!(out, "ITEM: NUMBER OF ATOMS\n{particles}")?;
-    let (low, high) = (header.cell.low(), header.cell.high());
+    let (low, high) = header.cell.corners();
     let tilt = header.cell.shear().and_then(|Shear { along, across, .. }| {
         TILTS.iter().position(|axes| *axes == (along, across)).map(|tilt| (tilt, along))
     });
-    if let Some((tilt, along)) = tilt {
+    if header.cell.strained().is_some() {
+        let edges = header.cell.edges();
+        let [xy, xz, yz] = [edges.m12, edges.m13, edges.m23];
+        let wider = [[0.0, xy, xz, xy + xz], [0.0, yz, 0.0, yz], [0.0; 4]];
+        writeln!(out, "ITEM: BOX BOUNDS xy xz yz {}", sides.join(" "))?;
+        for (k, (wider, tilt)) in wider.iter().zip([xy, xz, yz]).enumerate() {
+            let [least, most] = [f64::min, f64::max].map(|of| wider.iter().copied().fold(0.0, of));
+            writeln!(out, "{:e} {:e} {:e}", low[k] + least, high[k] + most, tilt)?;
+        }
+    } else if let Some((tilt, along)) = tilt {
         // The box that is tilted, and the bounds around it.
         let slid = header.cell.slid();
         writeln!(out, "ITEM: BOX BOUNDS xy xz yz {}", sides.join(" "))?;

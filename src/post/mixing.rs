@@ -176,14 +176,14 @@ fn halved(places: &[(f64, GlobalId)]) -> usize {
 /// grains. They are the same in all snapshots of a domain.
 fn cells_of_all(reader: &Reader, members: &Members, side: f64) -> Result<Grid, MeasureError> {
     let header = reader.header();
-    let mut reached = Bounds { low: header.cell.low(), high: header.cell.high() };
+    let (low, high) = header.cell.corners();
+    let mut reached = Bounds { low, high };
     let grid = members.divided(Grid::of(&reached, side)?)?;
-    let open = [0, 1, 2].map(|k| header.cell.period(k).is_none());
     for rows in pieces(reader.particle_count()) {
         let particles = reader.particles(rows)?;
         check::check_particles(header, &particles)?;
         for place in &particles.position {
-            for k in (0..3).filter(|&k| open[k]) {
+            for k in header.cell.open_axes() {
                 reached.low[k] = reached.low[k].min(place[k]);
                 reached.high[k] = reached.high[k].max(place[k]);
             }

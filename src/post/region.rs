@@ -4,7 +4,7 @@
 use super::check::check_particles;
 use super::sums::quotient;
 use super::{PostError, pieces};
-use crate::cell::{AXES, Shear};
+use crate::cell::{AXES, Beyond, Face, Shear};
 use crate::contact::Posed;
 use crate::drive::groups;
 use crate::ids::GlobalId;
@@ -57,7 +57,7 @@ impl Bounds {
     /// Without a layer of a thickness [m] along the sides; a periodic axis has none.
     #[must_use]
     pub fn shrunk(mut self, header: &Header, thickness: f64) -> Self {
-        for k in (0..3).filter(|&k| header.cell.period(k).is_none()) {
+        for k in header.cell.open_axes() {
             self.low[k] += thickness;
             self.high[k] -= thickness;
         }
@@ -93,16 +93,12 @@ impl Region {
             if !(low < high && low.is_finite() && high.is_finite()) {
                 return Err(PostError::EmptyRegion { axis, low, high });
             }
-            let (period_low, period_high) = (header.cell.low()[k], header.cell.high()[k]);
-            if header.cell.period(k).is_some() && (low < period_low || period_high < high) {
-                return Err(PostError::RegionBeyondPeriod {
-                    axis,
-                    low,
-                    high,
-                    period_low,
-                    period_high,
-                });
-            }
+        }
+        if let Some(Beyond { axis, place, ends }) =
+            header.cell.beyond_period(&bounds.low, &bounds.high)
+        {
+            let ([low, high], [period_low, period_high]) = (place, ends);
+            return Err(PostError::RegionBeyondPeriod { axis, low, high, period_low, period_high });
         }
         Ok(())
     }
@@ -235,12 +231,9 @@ impl Extent {
 
     /// The box; `None` if it has no volume, as without particles and walls.
     pub fn finish(&self, header: &Header) -> Option<Bounds> {
-        let mut bounds = Bounds { low: self.low, high: self.high };
-        for k in 0..3 {
-            if header.cell.period(k).is_some() {
-                (bounds.low[k], bounds.high[k]) = (header.cell.low()[k], header.cell.high()[k]);
-                continue;
-            }
+        let (low, high) = header.cell.with_periods(self.low, self.high);
+        let mut bounds = Bounds { low, high };
+        for k in header.cell.open_axes() {
             let across = |sign: f64| {
                 let faces = header.planes().filter(move |w| sign * w.normal[k] > ACROSS);
                 faces.map(|w| w.point[k])
@@ -291,16 +284,12 @@ pub(super) fn doubts(header: &Header, region: &Region, packing: Option<&Bounds>)
 
 /// The sides on which neither a period nor a plane across the axis ends the packing, as -x.
 fn open_sides(header: &Header) -> Vec<String> {
-    let sides = AXES.into_iter().enumerate().flat_map(|(k, axis)| {
-        let is_open = move |inwards: f64| {
-            let mut planes = header.planes();
-            header.cell.period(k).is_none() && !planes.any(|w| inwards * w.normal[k] > ACROSS)
-        };
-        let ends = [("-", 1.0), ("+", -1.0)].into_iter();
-        ends.filter(move |&(_, inwards)| is_open(inwards))
-            .map(move |(end, _)| format!("{end}{axis}"))
-    });
-    sides.collect()
+    let is_open = |face: &Face| {
+        let closes = |plane: &WallRow| face.normal.dot(&plane.normal) > ACROSS;
+        !face.repeats && !header.planes().any(closes)
+    };
+    let faces = header.cell.faces().into_iter().filter(is_open);
+    faces.map(|face| face.name.to_owned()).collect()
 }
 
 /// Is it one plane across an axis?
@@ -338,10 +327,12 @@ fn comes_into(
 /// Along which axes a period or walls on both sides end the packing. Along the others the box of an [`Extent`] ends at
 /// the outermost particle, so that one grain that bounces would be a strain.
 pub fn enclosed(header: &Header) -> [bool; 3] {
-    [0, 1, 2].map(|k| {
+    let mut enclosed = header.cell.periodic();
+    for k in header.cell.open_axes() {
         let wall = |sign: f64| header.planes().any(|w| sign * w.normal[k] > ACROSS);
-        header.cell.period(k).is_some() || (wall(1.0) && wall(-1.0))
-    })
+        enclosed[k] = wall(1.0) && wall(-1.0);
+    }
+    enclosed
 }
 
 /// The innermost walls at both ends of an axis, which bound the packing.
@@ -365,9 +356,8 @@ pub struct Slide {
 /// Across each axis, if there are walls at both ends or if the cell is sheared across it.
 pub fn slides(header: &Header) -> [Option<Slide>; 3] {
     [0, 1, 2].map(|axis| {
-        if let Some(Shear { along, across, strain, .. }) = header.cell.shear() {
-            let mut way = [0.0; 3];
-            way[along] = strain * header.cell.period(across)?;
+        if let Some(Shear { across, .. }) = header.cell.shear() {
+            let way = header.cell.way_above().into();
             return (across == axis).then_some(Slide { between: Default::default(), way });
         }
         let [low, high] = walls_across(header, axis)?;
@@ -547,7 +537,7 @@ impl SolidVolume {
             }
             quotient(velocity.norm(), packing.lengths()[axis])
         };
-        let of_cell = header.cell.shear().map(|shear| shear.rate.abs());
+        let of_cell = Some(header.cell.shear_rate()).filter(|_| header.cell.moves());
         let rate = (0..3).filter_map(between_walls).chain(of_cell).reduce(f64::max)?;
         let diameter = diameter_of(quotient(self.sum.value(), self.particles as f64)?);
         let density = quotient(self.mass.value(), self.sum.value())?;

@@ -7,6 +7,7 @@ use crate::comm::{Comm, agree};
 use crate::contact::{self, ContactRecords, StateColumn};
 use crate::contacts::Contacts;
 use crate::domain::{Domain, halo_width};
+use crate::drive::element::Element;
 use crate::drive::free::FreeWalls;
 use crate::drive::groups::{self, Groups, What};
 use crate::drive::inlet::Inlets;
@@ -153,6 +154,14 @@ pub enum StartError {
         /// By how much.
         strain: f64,
     },
+    /// A flow has carried its cell.
+    #[error(
+        "{path}: its cell has been strained. Give the scene a [cell]: an empty one keeps the edges where they are"
+    )]
+    Strained {
+        /// The snapshot.
+        path: PathBuf,
+    },
     /// Its domain repeats along other axes or with other lengths.
     #[error(
         "{path}: its periodic axes or their lengths differ from the scene's [domain]: a stage keeps those of the one before"
@@ -192,8 +201,11 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
     found.contacts.without_points = !needs.orientation;
     found.contacts.with_patches = needs.patches;
     let table = if needs.patches { contact::table_with_patches } else { contact::table };
-    let mut particles =
-        Particles::new(needs, scene.library.clone(), scene.walls.clone(), scene.domain);
+    let mut cell = scene.domain;
+    if let Some(control) = &scene.cell {
+        Element::begin(control, &mut cell);
+    }
+    let mut particles = Particles::new(needs, scene.library.clone(), scene.walls.clone(), cell);
     particles.groups = scene.groups.iter().map(group).collect();
     Simulation {
         particles,
@@ -252,6 +264,9 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
     }
     if !scene.servos.is_empty() {
         drives.push(Box::new(Servos::new(scene.servos.clone(), &scene.walls)));
+    }
+    if let Some(control) = &scene.cell {
+        drives.push(Box::new(Element::new(control.clone())));
     }
     if !scene.free_walls.is_empty() {
         drives.push(Box::new(FreeWalls::new(scene.free_walls.clone(), &scene.walls)));
@@ -324,7 +339,8 @@ pub fn take_up(
     if continuation == Continuation::SameStage && scene.own_step && shortened.contains(&header.dt) {
         sim.dt = header.dt;
     }
-    sim.particles.cell = sheared_on(scene, &header, reader.path())?;
+    sim.particles.cell = cell_of(scene, &header, reader.path(), continuation)?;
+    sim.domain.follow(&sim.particles.cell);
     let mut library = sim.particles.library.clone();
     for particle in &mut particles {
         match continuation {
@@ -367,7 +383,7 @@ pub fn take_up(
     }
     let (mut walls_elsewhere, mut other_walls) = (Vec::new(), Vec::new());
     let goes_on = continuation == Continuation::SameStage && header.dt == sim.dt;
-    let room = (scene.domain.low(), scene.domain.high());
+    let room = scene.domain.corners();
     let before = StageSoFar { dt: header.dt, time: header.time - header.stage_begin.1 };
     let now = (header.step, (continuation == Continuation::SameStage).then_some(before));
     let Particles { walls, library, .. } = &mut sim.particles;
@@ -428,7 +444,26 @@ fn start_of(scene: &str) -> Option<String> {
 }
 
 /// The scene's cell, with images where the snapshot has left them.
-fn sheared_on(scene: &Scene, header: &Header, path: &Path) -> Result<Cell, StartError> {
+fn cell_of(
+    scene: &Scene,
+    header: &Header,
+    path: &Path,
+    continuation: Continuation,
+) -> Result<Cell, StartError> {
+    match (header.cell.strained(), &scene.cell) {
+        (Some(_), Some(_)) if continuation == Continuation::SameStage => return Ok(header.cell),
+        (Some(_), Some(control)) => {
+            let mut cell = header.cell;
+            Element::begin(control, &mut cell);
+            return Ok(cell);
+        }
+        (None, Some(control)) if header.cell.shear().is_none() => {
+            let mut cell = scene.domain;
+            Element::begin(control, &mut cell);
+            return Ok(cell);
+        }
+        _ => {}
+    }
     let (now, before) = (scene.domain.shear(), header.cell.shear());
     let Some(Shear { along, across, strain, .. }) = before else { return Ok(scene.domain) };
     let goes_on = now.filter(|now| (now.along, now.across) == (along, across));
@@ -489,19 +524,14 @@ fn admit_sizes(
     }
     let reach = sim.law.about().reach(&library);
     let halo = halo_width(&library, scene.skin, reach);
-    let extent = scene.domain.high() - scene.domain.low();
-    let is_narrow =
-        |&axis: &usize| scene.domain.period(axis).is_some() && extent[axis] < 2.0 * halo;
-    if let Some(axis) = (0..3).find(is_narrow) {
+    if let Some((axis, width)) = scene.domain.thin(2.0 * halo).next() {
         let radius = |&(shape, scale): &(ShapeId, f64)| library.radius[shape.index()] * scale;
         let largest = library.extremes().max_by(|a, b| radius(a).total_cmp(&radius(b)));
         return wrong(
             largest.map_or(ShapeId(0), |(shape, _)| shape),
             format!(
-                "a period must be at least {:.4e} m, twice the largest bounding diameter and the skin; along {} it is {:?} m",
+                "a period must be at least {:.4e} m, twice the largest bounding diameter and the skin; along {axis} it is {width:?} m",
                 2.0 * halo,
-                AXES[axis],
-                extent[axis]
             ),
         );
     }
@@ -528,6 +558,9 @@ fn read_part(
     comm: &dyn Comm,
 ) -> Result<(Header, Vec<Particle>, ContactRecords), StartError> {
     let header = reader.header().clone();
+    if header.cell.strained().is_some() && scene.cell.is_none() {
+        return Err(StartError::Strained { path: path.to_owned() });
+    }
     if header.cell.repeats_otherwise(&scene.domain) {
         return Err(StartError::Period { path: path.to_owned() });
     }

@@ -93,7 +93,8 @@ struct Block {
 impl Block {
     /// Where the particles will lie: on the side to which gravity pulls, or in the whole domain.
     fn bed(scene: &Scene) -> Self {
-        let mut bed = Self { low: scene.domain.low(), high: scene.domain.high() };
+        let (low, high) = scene.domain.corners();
+        let mut bed = Self { low, high };
         if scene.gravity != Vec3::zeros() {
             let axis = scene.gravity.iamax();
             let extent = bed.high[axis] - bed.low[axis];

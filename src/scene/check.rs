@@ -4,6 +4,7 @@
 //! `None` if anything was; the parts that are right are read on, so that all mistakes come at once.
 
 use super::before;
+use super::element;
 use super::fills::Fills;
 use super::flows;
 use super::form;
@@ -16,7 +17,7 @@ use super::parts::{Need, Whole};
 use super::reader::{Given, Section};
 use super::room::Room;
 use super::walls::Walls;
-use super::{Fill, FreeWall, Inlet, Method, Outlet, Rain, Scene, Servo, Stop};
+use super::{Control, Fill, FreeWall, Inlet, Method, Outlet, Rain, Scene, Servo, Stop};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
@@ -68,7 +69,7 @@ pub(super) fn scene(
         return None;
     }
 
-    let Bodies { materials, shapes, walls, free_walls, domain, law, .. } = bodies;
+    let Bodies { materials, shapes, walls, free_walls, domain, cell, law, .. } = bodies;
     let left_out = laws::left_out(&root, &materials);
     let mut library = shapes.library;
     let law = law?;
@@ -82,6 +83,7 @@ pub(super) fn scene(
         title: general.title?,
         seed: general.seed?,
         domain: domain?,
+        cell: cell?,
         materials: materials.items.into_iter().collect::<Option<_>>()?,
         law,
         left_out,
@@ -152,6 +154,8 @@ struct Bodies<'a> {
     shapes: Shapes,
     domain_section: Option<Section<'a>>,
     domain: Option<Cell>,
+    #[expect(clippy::option_option, reason = "wrong, none, or one")]
+    cell: Option<Option<Control>>,
     walls: Walls<'a>,
     free_walls: Vec<FreeWall>,
 }
@@ -162,12 +166,13 @@ impl<'a> Bodies<'a> {
         let (materials, law) = laws::materials(root, kind);
         let shapes = Shapes::read(root, &materials, folder);
         let domain_section = root.section("domain");
-        let domain = domain_section.as_ref().and_then(domain);
+        let domain = element::domain(root, domain_section.as_ref().and_then(domain).as_ref());
+        let cell = element::control(root);
         let walls = Walls::read(root, domain_section.as_ref(), domain.as_ref(), &materials, folder);
         let free_walls = walls.free(gravity.unwrap_or_else(Vec3::zeros));
         let of_free = walls.stress_of_free(&free_walls, domain.as_ref());
         let law = law.map(|law| laws::under_free_walls(law, kind, of_free));
-        Self { materials, law, shapes, domain_section, domain, walls, free_walls }
+        Self { materials, law, shapes, domain_section, domain, cell, walls, free_walls }
     }
 
     /// The stable limit of the time step, if law and shapes go together.
@@ -278,7 +283,8 @@ impl<'a> Course<'a> {
         let servos = walls.read_servos(root, domain, library, dt);
         walls.check_speeds(root, domain_section.as_ref(), domain, library, dt);
         let stop = root.read_or("stop", Stop::default(), |given| {
-            stop(&given.section()?, grains, root.get("servo").is_some())
+            let targets = bodies.cell.iter().flatten().any(Control::has_target);
+            stop(&given.section()?, grains, [root.get("servo").is_some(), targets])
         });
         let [least, skin] = skins(library);
         let default = Neighbours { skin, imbalance: IMBALANCE, order_every: ORDER_EVERY };
@@ -314,13 +320,21 @@ fn check_room(root: &Section, general: &General, bodies: &Bodies, grains: &mut G
 
 /// Looks at what concerns several parts.
 fn check_together(root: &Section, general: &General, bodies: &mut Bodies, course: &Course) {
-    let Bodies { domain, domain_section, law, shapes, walls, .. } = bodies;
+    let Bodies { domain, domain_section, cell, law, shapes, walls, .. } = bodies;
     let library = &shapes.library;
+    element::check_others(root, walls.count());
     if let (Some(domain), Some(section), Some(Neighbours { skin, .. })) =
         (&*domain, &*domain_section, course.neighbours)
     {
         let reach = law.as_ref().map_or(0.0, |law| law.reach(library.largest_radius()));
-        check_periods(section, domain, halo_width(library, skin, reach));
+        let halo = halo_width(library, skin, reach);
+        check_periods(section, domain, halo);
+        if let (Some(Some(control)), Some(Time { dt, steps, duration, .. })) =
+            (&*cell, &course.time)
+        {
+            let lasts = duration.unwrap_or(*steps as f64 * dt);
+            element::check_course(root, control, domain, (*dt, lasts), 2.0 * halo);
+        }
     }
     if let Some(domain) = &*domain {
         check_shear(root, domain, general.gravity, walls.count());
@@ -415,7 +429,7 @@ fn shear(given: &Given, cell: &Cell) -> Option<Shear> {
     let axis = |key| {
         section.require(key).and_then(|given| {
             let axis = given.one_of(&words)?;
-            if cell.period(axis).is_none() {
+            if cell.open_axes().any(|open| open == axis) {
                 given.fail(format!(
                     "domain.periodic is false along {}; images slide along and across axes that repeat",
                     AXES[axis]
@@ -467,19 +481,13 @@ fn check_shear(root: &Section, domain: &Cell, gravity: Option<Vec3>, walls: usiz
 
 /// A periodic image must never meet the same particle, or another of its images.
 fn check_periods(section: &Section, domain: &Cell, reach: f64) {
-    let extent = domain.high() - domain.low();
-    for axis in (0..3).filter(|&axis| domain.period(axis).is_some()) {
-        if extent[axis] < 2.0 * reach
-            && let Some(given) = section.get("periodic")
-        {
-            given.fail(format!(
-                "the domain is {:?} m wide along {}; a period must be at least {:.4e} m, twice \
-                 the largest bounding diameter and the skin",
-                extent[axis],
-                AXES[axis],
-                2.0 * reach
-            ));
-        }
+    let Some(given) = section.get("periodic") else { return };
+    for (axis, width) in domain.thin(2.0 * reach) {
+        given.fail(format!(
+            "the domain is {width:?} m wide along {axis}; a period must be at least {:.4e} m, twice the largest bounding diameter and \
+             the skin",
+            2.0 * reach
+        ));
     }
 }
 
@@ -537,9 +545,10 @@ fn check_smooth(root: &Section, library: &Library) {
     }
 }
 
-fn stop(section: &Section, grains: &Grains, has_servo: bool) -> Option<Stop> {
+fn stop(section: &Section, grains: &Grains, [has_servo, has_target]: [bool; 2]) -> Option<Stop> {
     let limit = |key| section.optional(key, Given::number);
-    let (rest, unbalanced, servo) = (limit("rest"), limit("unbalanced"), limit("servo"));
+    let (rest, unbalanced) = (limit("rest"), limit("unbalanced"));
+    let (servo, cell) = (limit("servo"), limit("cell"));
     let count = |key| section.optional(key, Given::whole);
     let (left, remaining) = (count("left"), count("remaining"));
     let after = section.number_or("after", 0.0);
@@ -557,11 +566,17 @@ fn stop(section: &Section, grains: &Grains, has_servo: bool) -> Option<Stop> {
     if let (Some(given), false) = (section.get("servo"), has_servo) {
         given.fail("there is no [[servo]]");
     }
-    let drives = servo?.map(|limit| ("servo".to_owned(), limit)).into_iter().collect();
+    if let (Some(given), false) = (section.get("cell"), has_target) {
+        given.fail("there is no [cell] with a stress");
+    }
+    let drives = [("servo", servo?), ("cell", cell?)].into_iter();
+    let drives = drives.filter_map(|(key, limit)| Some((key.to_owned(), limit?))).collect();
     let (left, remaining, after) = (left?, remaining?, after?);
     let stop = Stop { rest: rest?, unbalanced: unbalanced?, drives, left, remaining, after };
     if stop == (Stop { after, ..Stop::default() }) {
-        section.fail("give at least one of `rest`, `unbalanced`, `servo`, `left` and `remaining`");
+        section.fail(
+            "give at least one of `rest`, `unbalanced`, `servo`, `cell`, `left` and `remaining`",
+        );
     }
     Some(stop)
 }

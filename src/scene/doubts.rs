@@ -2,7 +2,7 @@
 
 use super::walls::stress_of_force;
 use super::{Fill, Goal, Inlet, LeftOut, Method, Mix, Outlet, Rain, Scene, Servo};
-use crate::cell::{AXES, SIDES};
+use crate::cell::AXES;
 use crate::drive::inlet::MOST_AT_ONCE;
 use crate::drive::rain::Within;
 use crate::drive::region::Region;
@@ -118,14 +118,14 @@ fn wall_that_leaves(scene: &Scene) -> Option<String> {
         return None;
     }
     let lasts = scene.duration.unwrap_or(scene.steps as f64 * scene.dt);
-    let (low, high) = (scene.domain.low(), scene.domain.high());
+    let (low, high) = scene.domain.corners();
     scene.walls.iter().find_map(|wall| {
         let (least, most) = wall.extent()?;
         if wall.course.is_some() || wall.may_turn() || wall.mass.is_finite() {
             return None;
         }
         // After this time the whole of it is beyond a border.
-        let gone = (0..3).filter(|&k| scene.domain.period(k).is_none()).filter_map(|k| {
+        let gone = scene.domain.open_axes().filter_map(|k| {
             let speed = wall.velocity[k];
             let way = if speed > 0.0 { high[k] - least[k] } else { low[k] - most[k] };
             (speed != 0.0).then(|| way / speed)
@@ -293,10 +293,9 @@ fn nothing_leaves(scene: &Scene) -> Option<String> {
     let far = Vec3::repeat(scene.library.largest_radius());
     let (low, high) = room(&scene.walls, &scene.domain);
     let (low, high) = (low - far, high + far);
-    let is_closed = |axis: usize| scene.domain.period(axis).is_none();
     let outside = |outlet: &&Outlet| match (&outlet.region, outlet.region.bounds()) {
         (_, Some((l, h))) => {
-            (0..3).any(|axis| is_closed(axis) && (l[axis] > high[axis] || h[axis] < low[axis]))
+            scene.domain.open_axes().any(|axis| l[axis] > high[axis] || h[axis] < low[axis])
         }
         (Region::Behind { point, normal }, _) => {
             let lowest = Vec3::from_fn(|k, _| if normal[k] > 0.0 { low[k] } else { high[k] });
@@ -339,8 +338,8 @@ fn shaken_too_fast(scene: &Scene) -> Option<String> {
 /// A wall of triangles that does not come into the domain, or is many times as large: most often its file has other units.
 fn triangles_elsewhere(scene: &Scene) -> Option<String> {
     const LARGE: f64 = 10.0;
-    let (low, high) = (scene.domain.low(), scene.domain.high());
-    let size = (high - low).amax();
+    let (low, high) = scene.domain.corners();
+    let size = scene.domain.sides().amax();
     scene.walls.iter().find_map(|wall| {
         let (lowest, highest) = wall.extent()?;
         let apart = (0..3).any(|k| lowest[k] > high[k] || highest[k] < low[k]);
@@ -363,7 +362,7 @@ fn triangles_elsewhere(scene: &Scene) -> Option<String> {
 fn walls_in_walls(scene: &Scene) -> Option<String> {
     const TOLERANCE: f64 = 1e-6;
     const NAMED: usize = 5;
-    let tolerance = TOLERANCE * (scene.domain.high() - scene.domain.low()).amax();
+    let tolerance = TOLERANCE * scene.domain.sides().amax();
     let walls = &scene.walls;
     let extents: Vec<_> = walls.iter().map(Wall::extent).collect();
     let pairs = (0..walls.len()).flat_map(|k| (0..=k).map(move |other| (other, k)));
@@ -430,7 +429,7 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
     let of_servo = |servo: &Servo| match servo.goal {
         Goal::Stress(stress) => ("a servo of".to_owned(), stress),
         Goal::Force { newtons, .. } => {
-            let stress = stress_of_force(newtons, &domain.low(), &domain.high());
+            let stress = stress_of_force(newtons, &domain.sides());
             (
                 format!("a servo of {newtons:e} N, over the smallest side of the domain, that is"),
                 stress,
@@ -565,7 +564,7 @@ fn rain_cut_short(scene: &Scene) -> Option<String> {
             rain.every, scene.steps
         ));
     }
-    let Some(interval) = rain.interval(&scene.gravity, scene.domain.periodic(), scene.dt) else {
+    let Some(interval) = rain.interval(&scene.gravity, &scene.domain, scene.dt) else {
         return (rain.layers() > 1).then(|| {
             "nothing moves the first layer of rain out of its slab, so there will be no second: give it a `velocity`".to_owned()
         });
@@ -580,7 +579,7 @@ fn rain_cut_short(scene: &Scene) -> Option<String> {
             more_speed(rain)
         ));
     }
-    let (low, high) = (scene.domain.low(), scene.domain.high());
+    let (low, high) = scene.domain.corners();
     let fall = rain.fall(&low, &high, bed(scene, rain), &scene.gravity, scene.dt)?;
     (last.saturating_add(fall) >= scene.steps).then(|| {
         format!(
@@ -632,18 +631,20 @@ fn falls_out(scene: &Scene) -> Option<String> {
     let Scene { gravity, walls, domain, .. } = scene;
     let axis = gravity.iamax();
     let inwards = -gravity[axis].signum();
+    let faces = domain.faces();
+    let face = faces.iter().find(|face| face.axis == axis && face.normal[axis] == inwards)?;
     let may_fall = gravity[axis] != 0.0
-        && domain.period(axis).is_none()
+        && !face.repeats
         && scene.outlets.is_empty()
         && !walls.iter().any(|wall| wall.holds_against(gravity));
-    let height = domain.high()[axis] - domain.low()[axis];
+    let height = domain.sides()[axis];
     let lasts = scene.duration.unwrap_or(scene.steps as f64 * scene.dt);
     let falls = 0.5 * gravity[axis].abs() * lasts * lasts > height;
-    let (side, ..) = SIDES.into_iter().find(|&(_, of, side)| of == axis && side == inwards)?;
     (may_fall && falls).then(|| {
         format!(
-            "gravity pulls particles out through the side {side} of the domain, where no wall stands: the first one that leaves ends the run. \
-             Put a wall there, or an [[outlet]] if they may leave"
+            "gravity pulls particles out through the side {} of the domain, where no wall stands: the first one that leaves ends the run. \
+             Put a wall there, or an [[outlet]] if they may leave",
+            face.name
         )
     })
 }
@@ -657,7 +658,7 @@ fn more_speed(rain: &Rain) -> &'static str {
 fn bed(scene: &Scene, rain: &Rain) -> f64 {
     let library = &scene.library;
     let mean = library.mean_over(&rain.mix, |shape| library.shapes[shape.index()].volume());
-    let extent = scene.domain.high() - scene.domain.low();
+    let extent = scene.domain.sides();
     let axis = if scene.gravity == Vec3::zeros() { 2 } else { scene.gravity.iamax() };
     rain.count as f64 * mean / 0.64 * extent[axis] / extent.product()
 }
@@ -738,8 +739,8 @@ fn lost_in_rounding(scene: &Scene) -> Option<String> {
             100.0 * part.min(1.0)
         ));
     }
-    let domain = &scene.domain;
-    let lost = rounding(domain.low().amax().max(domain.high().amax())) / scene.dt;
+    let (low, high) = scene.domain.corners();
+    let lost = rounding(low.amax().max(high.amax())) / scene.dt;
     let fall = (scene.gravity.norm() * scene.library.least_inscribed_radius()).sqrt();
     (fall.is_finite() && lost > SLOW * fall && fall > 0.0).then(|| {
         format!(

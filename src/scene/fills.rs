@@ -7,7 +7,7 @@ use super::regions::region;
 use super::room::least_volume;
 use super::sizes::by;
 use super::{Fill, Lattice, Listed, Mix, Rain, listed};
-use crate::cell::{AXES, Cell};
+use crate::cell::{AXES, Beyond, Cell};
 use crate::drive::rain::{Within, cells_along};
 use crate::ids::ShapeId;
 use crate::math::Vec3;
@@ -143,20 +143,11 @@ impl Fills<'_> {
         let (mix, count, every, orientations) = (mix?, count?, every?, orientations?);
         let rain = Rain { mix, count, every, low, high, spacing, velocity, orientations, within };
 
-        let outside = (0..3).find(|&k| low[k] < domain.low()[k] || high[k] > domain.high()[k]);
-        if let Some(axis) = outside {
-            let what = format!(
-                "the slab reaches out of the domain along {}: from {:?} to {:?} m, the domain from \
-                 {:?} to {:?} m",
-                AXES[axis],
-                low[axis],
-                high[axis],
-                domain.low()[axis],
-                domain.high()[axis]
-            );
+        if let Some(beyond) = domain.beyond(&low, &high) {
+            let what = format!("the slab {}", reaching(&beyond));
             let key = match &rain.within {
                 Some(_) => "axis",
-                None if high[axis] > domain.high()[axis] => "high",
+                None if beyond.is_above() => "high",
                 None => "low",
             };
             section.get(key).map_or_else(|| section.fail(&what), |given| given.fail(&what));
@@ -172,7 +163,7 @@ impl Fills<'_> {
     /// Has the domain room for what rains? Grains are counted as the smallest of the mix.
     fn check_room(&self, section: &Section, rain: &Rain, domain: &Cell) {
         let least = least_volume(&rain.mix, &self.shapes.library);
-        let room = (domain.high() - domain.low()).product();
+        let room = domain.volume();
         if self.shapes.complete && rain.count as f64 * least > room {
             section.fail(format!(
                 "`count` = {}: so many particles have at least {:.3e} m3, the domain has {room:.3e} m3; it holds fewer than {:.3e}",
@@ -195,7 +186,8 @@ impl Fills<'_> {
         let axis = if self.gravity == Vec3::zeros() { 2 } else { self.gravity.iamax() };
         let upwards = self.gravity[axis] > 0.0;
         let is_thin = if upwards { high.is_none() } else { low.is_none() };
-        let (mut low, mut high) = (low.unwrap_or(domain.low()), high.unwrap_or(domain.high()));
+        let (lowest, highest) = domain.corners();
+        let (mut low, mut high) = (low.unwrap_or(lowest), high.unwrap_or(highest));
         if is_thin && upwards {
             high[axis] = low[axis] + thickness;
         } else if is_thin {
@@ -221,7 +213,8 @@ impl Fills<'_> {
         let (spacing, domain, jitter) = (spacing??, self.domain?, jitter?);
         let (first, count) = match (low?, high?, first?, count?) {
             (low, high, None, None) => {
-                let (low, high) = (low.unwrap_or(domain.low()), high.unwrap_or(domain.high()));
+                let (lowest, highest) = domain.corners();
+                let (low, high) = (low.unwrap_or(lowest), high.unwrap_or(highest));
                 let cells = cells_between(section, false, &low, &high, &spacing)?;
                 // In the middle of the box.
                 let span = Vec3::from_fn(|axis, _| f64::from(cells[axis] - 1) * spacing[axis]);
@@ -241,13 +234,12 @@ impl Fills<'_> {
         let last = first + Vec3::from_fn(|axis, _| f64::from(count[axis] - 1) * spacing[axis]);
         let around = Vec3::repeat(jitter);
         for (name, position) in [("first", first - around), ("last", last + around)] {
-            if let Some(axis) = outside(domain, &position) {
+            if let Some(Beyond { axis, ends: [low, high], .. }) =
+                domain.beyond(&position, &position)
+            {
                 section.fail(format!(
-                    "its {name} particle, at {}, is outside the domain along {}: {:?} to {:?} m",
+                    "its {name} particle, at {}, is outside the domain along {axis}: {low:?} to {high:?} m",
                     written(&position),
-                    AXES[axis],
-                    domain.low()[axis],
-                    domain.high()[axis]
                 ));
             }
         }
@@ -310,13 +302,9 @@ impl Fills<'_> {
                     ));
                 }
                 let domain = self.domain?;
-                let axis = outside(domain, &row.position)?;
-                Some(format!(
-                    "outside the domain along {}: {:?} to {:?} m",
-                    AXES[axis],
-                    domain.low()[axis],
-                    domain.high()[axis]
-                ))
+                let Beyond { axis, ends: [low, high], .. } =
+                    domain.beyond(&row.position, &row.position)?;
+                Some(format!("outside the domain along {axis}: {low:?} to {high:?} m"))
             };
             match listed::read(&path, &names, first_id, &wrong) {
                 Ok(rows) => Some(rows),
@@ -408,9 +396,12 @@ fn is_possible(section: &Section, count: f64) -> bool {
     count <= MOST
 }
 
-/// The first axis along which a place is outside the domain.
-fn outside(domain: &Cell, position: &Vec3) -> Option<usize> {
-    (0..3).find(|&axis| !(domain.low()[axis]..=domain.high()[axis]).contains(&position[axis]))
+/// How a box reaches out of the domain, in words.
+pub(super) fn reaching(Beyond { axis, place, ends }: &Beyond) -> String {
+    let ([from, to], [low, high]) = (place, ends);
+    format!(
+        "reaches out of the domain along {axis}: from {from:?} to {to:?} m, the domain from {low:?} to {high:?} m"
+    )
 }
 
 /// A place, as messages have it.

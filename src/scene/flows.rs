@@ -1,6 +1,6 @@
 //! Inlets and outlets: from the file as written.
 
-use super::fills::Fills;
+use super::fills::{Fills, reaching};
 use super::orientations::orientations;
 use super::reader::Section;
 use super::regions::region;
@@ -33,8 +33,7 @@ pub(super) fn outlets(root: &Section, domain: Option<&Cell>) -> Option<Vec<Outle
         let list = list(section, name.as_deref());
         let (region, domain) = (region?, domain?);
         if let Region::Behind { normal, .. } = region
-            && let Some(axis) =
-                (0..3).find(|&axis| domain.period(axis).is_some() && normal[axis] != 0.0)
+            && let Some(axis) = domain.repeats_along(&normal)
         {
             section.get("normal")?.fail(format!(
                 "the domain is periodic along {}: behind a plane across it is everything. Take `low` and `high`",
@@ -141,17 +140,8 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
     let list = list(section, name.as_deref());
     let (region, domain, velocity, spread) = (region?, fills.domain?, velocity?, spread?);
     let (low, high) = region.bounds()?;
-    if let Some(axis) =
-        (0..3).find(|&axis| low[axis] < domain.low()[axis] || high[axis] > domain.high()[axis])
-    {
-        section.fail(format!(
-            "reaches out of the domain along {}: from {:?} to {:?} m, the domain from {:?} to {:?} m",
-            AXES[axis],
-            low[axis],
-            high[axis],
-            domain.low()[axis],
-            domain.high()[axis]
-        ));
+    if let Some(beyond) = domain.beyond(&low, &high) {
+        section.fail(reaching(&beyond));
     }
     if fills.gravity == Vec3::zeros() && velocity == Vec3::zeros() && spread == 0.0 {
         section

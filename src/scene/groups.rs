@@ -153,10 +153,8 @@ fn what(section: &Section, around: &Around, name: &str) -> Option<What> {
             section.refuse(key, "is of particles that move freely; these are held, by `fixed`, `velocity`, `rotation` or a [[motion]]");
         }
     }
-    if domain.is_some_and(|domain| domain.shear().is_some())
-        && (is_held || section.get("drag").is_some())
-    {
-        section.fail("is held, or has a drag, which has no meaning against the flow of a sheared domain; leave out `shear` or the group");
+    if domain.is_some_and(Cell::moves) && (is_held || section.get("drag").is_some()) {
+        section.fail("is held, or has a drag, which has no meaning against the flow of a sheared or strained domain; leave out `shear` or [cell], or the group");
     }
     if is_held { Some(What::Held(path)) } else { pushed.map(What::Pushed) }
 }

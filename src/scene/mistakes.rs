@@ -146,8 +146,7 @@ const PUSHED: &str = "particles are pushed by a [[group]] that names them, with 
      [[motion]] with its `mass` and `force`";
 const DRAG: &str = "a [[group]] has the `drag` of a fluid whose velocity is given; fluids that flow by themselves are not supported";
 /// A cell that is pressed or strained.
-pub(super) const CELL: &str = "a periodic cell that stresses or strains deform is not supported; instead press walls together, each pair \
-     by a [[servo]], or shear the cell by `domain.shear`";
+pub(super) const CELL: &str = "a periodic cell is pressed and strained by [cell], with a `stress` or a `rate` of each component";
 const OF_ONE: &str = "it is of one material; say it in [[material]]";
 const REACHED: &str = "a stage does not end by that; instead drive the wall by a [[servo]] with the `stress` and a `max_speed`, and let \
      `servo` end the stage, or set time.duration to the strain over its rate";

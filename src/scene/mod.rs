@@ -19,6 +19,7 @@ mod bed;
 mod before;
 mod check;
 pub mod doubts;
+mod element;
 mod fills;
 mod flows;
 mod form;
@@ -49,6 +50,7 @@ mod walls;
 
 use crate::cell::Cell;
 pub use crate::contact::Method;
+pub use crate::drive::element::Control;
 pub use crate::drive::free::FreeWall;
 pub use crate::drive::groups::Group;
 pub use crate::drive::inlet::Inlet;
@@ -102,6 +104,8 @@ pub struct Scene {
     pub seed: u64,
     /// Where particles may be.
     pub domain: Cell,
+    /// How it is strained, if it is.
+    pub cell: Option<Control>,
     /// Materials, by `MaterialId`.
     pub materials: Vec<Material>,
     /// The law of contacts, with the constants of every pair of materials.

@@ -332,16 +332,11 @@ pub(super) fn axis_of_turn(
     let axis = section.require("axis").and_then(|given| {
         let direction = given.direction()?;
         // A period must go with the turn.
-        let across = |&axis: &usize| repeats(domain, axis) && direction[axis].abs() != 1.0;
-        if let Some(axis) = (0..3).find(across) {
+        let across = |&axis: &usize| direction[axis].abs() != 1.0;
+        if let Some(axis) = domain.and_then(|domain| domain.repeating_axes().find(across)) {
             given.fail(format!("must lie along {}, which is periodic", AXES[axis]));
         }
         Some(direction)
     });
     (about, axis)
-}
-
-/// Does the domain repeat along an axis?
-pub(super) fn repeats(domain: Option<&Cell>, axis: usize) -> bool {
-    domain.is_some_and(|domain| domain.period(axis).is_some())
 }

@@ -2,9 +2,10 @@
 
 use super::bed::Share;
 use super::doubts::doubts;
+use super::element;
 use super::packing;
-use super::{Fill, Goal, Mix, Scene, Servo, Stop};
-use crate::cell::{AXES, SIDES, Shear};
+use super::{Control, Fill, Goal, Mix, Scene, Servo, Stop};
+use crate::cell::{AXES, Face, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
 use crate::contacts::CONTACT_COLUMNS;
 use crate::domain::halo_width;
@@ -92,7 +93,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         }
     }
     if let Some(rain) = &scene.rain {
-        let interval = rain.interval(&scene.gravity, scene.domain.periodic(), scene.dt);
+        let interval = rain.interval(&scene.gravity, &scene.domain, scene.dt);
         page.line(
             "rain",
             format!(
@@ -311,6 +312,9 @@ fn walls(scene: &Scene, page: &mut Page) {
         let axes = format!("along {}, faster the farther up {}", AXES[along], AXES[across]);
         page.line("images slide", format!("{axes}: {rate} 1/s; at the faces bodies change velocity, and each contact looks for it"));
     }
+    if let Some(control) = &scene.cell {
+        page.line("cell", element::words(control));
+    }
     for servo in &scene.servos {
         page.line("servo", steered(scene, servo));
     }
@@ -396,16 +400,15 @@ fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
 fn what_is_left_out(scene: &Scene, page: &mut Page) {
     let needs = scene.needs();
     let law = scene.force_law();
-    let open: Vec<&str> = SIDES
-        .into_iter()
-        .filter(|&(_, axis, inwards)| {
-            let mut across = scene.walls.iter().filter_map(Wall::across);
-            let closed = across.any(|wall| wall.axis == axis && wall.inwards == inwards);
-            scene.domain.period(axis).is_none() && !closed
-        })
-        .map(|(name, _, _)| name)
-        .collect();
-    let could_slide = scene.domain.periodic().into_iter().filter(|periodic| *periodic).count() > 1;
+    let is_open = |face: &Face| {
+        let mut across = scene.walls.iter().filter_map(Wall::across);
+        let closed =
+            across.any(|wall| wall.axis == face.axis && wall.inwards == face.normal[face.axis]);
+        !face.repeats && !closed
+    };
+    let open = scene.domain.faces().into_iter().filter(is_open);
+    let open: Vec<&str> = open.map(|face| face.name).collect();
+    let could_slide = scene.domain.repeating_axes().count() > 1;
     let not_saved = PARTICLE_COLUMNS.iter().filter(|column| !column.is_there(&needs));
     let not_saved: Vec<&str> = not_saved.map(|column| column.name).collect();
     let reasons = [
@@ -413,17 +416,16 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
         (!needs.spin, "no rotation: spheres without friction feel no moment".to_owned()),
         (!needs.velocity, "no velocities of ghosts: no friction, no dashpots".to_owned()),
         (!needs.image, "no counts of periods: no axis is periodic".to_owned()),
-        (
-            could_slide && scene.domain.shear().is_none(),
-            "no images that slide: no domain.shear".to_owned(),
-        ),
+        (could_slide && !scene.domain.moves(), "no images that slide: no domain.shear".to_owned()),
         (!needs.scale, "no scales: all particles are as large as their shapes".to_owned()),
         (scene.global_damping == 0.0, "no global damping".to_owned()),
         (scene.gravity == Vec3::zeros(), "no gravity".to_owned()),
         (scene.stop == Stop::default(), "no stop criterion: all steps are taken".to_owned()),
         (scene.audit.every == 0, "no audit of contacts: audit.every = 0".to_owned()),
         (
-            scene.servos.is_empty() && scene.free_walls.is_empty(),
+            scene.servos.is_empty()
+                && scene.free_walls.is_empty()
+                && !scene.cell.as_ref().is_some_and(Control::has_target),
             "no sum over all ranks in each step: no servos".to_owned(),
         ),
         (

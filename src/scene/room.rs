@@ -117,7 +117,7 @@ impl Room<'_> {
         if self.root.get("outlet").is_some() {
             return;
         }
-        let room = (self.cell.high() - self.cell.low()).product();
+        let room = self.cell.volume();
         for (section, inlet) in self.root.sections("inlet").iter().zip(inlets) {
             let Library { shapes, mass, .. } = self.library;
             let volume = |shape: usize| shapes[shape].volume();

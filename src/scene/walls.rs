@@ -6,7 +6,7 @@ pub(super) use servos::{highest_stress, stress_of_force};
 
 use super::matter::{Materials, Names};
 use super::mistakes::suggestion;
-use super::motions::{Motions, axis_of_turn, repeats};
+use super::motions::{Motions, axis_of_turn};
 use super::pieces::turn;
 use super::reader::{Given, Section};
 use crate::cell::{AXES, Cell, SIDES};
@@ -123,23 +123,21 @@ impl<'a> Walls<'a> {
             return;
         };
         let material = materials.find_in(section, "wall_material");
-        let sides = SIDES.map(|side| (side.0, side));
+        let sides = SIDES.map(|(name, ..)| (name, name));
         let items = given.list();
         for item in items.unwrap_or_default() {
             let side = item.one_of(&sides);
-            let name = side.map_or("", |(name, ..)| name);
+            let name = side.unwrap_or_default();
             if side.is_some() && self.names.index(name).is_some() {
                 item.fail("this side has a wall already");
             }
             self.names.push(name);
-            self.all.push(side.zip(domain).and_then(|((name, axis, inwards), domain)| {
-                if domain.period(axis).is_some() {
-                    item.fail(format!("{} is periodic, it has no walls", AXES[axis]));
+            self.all.push(side.zip(domain).and_then(|(name, domain)| {
+                let face = domain.faces().into_iter().find(|face| face.name == name)?;
+                if face.repeats {
+                    item.fail(format!("{} is periodic, it has no walls", AXES[face.axis]));
                 }
-                let mut normal = Vec3::zeros();
-                normal[axis] = inwards;
-                let point = if inwards > 0.0 { domain.low() } else { domain.high() };
-                let wall = Wall::plane(name.to_owned(), point, normal);
+                let wall = Wall::plane(name.to_owned(), face.point, face.normal);
                 Some(Planned { wall, material: material?, has_servo: false })
             }));
         }
@@ -189,7 +187,7 @@ impl<'a> Walls<'a> {
             }
             let mut turning = wall.clone();
             turning.velocity = Vec3::zeros();
-            let room = (domain.low(), domain.high());
+            let room = domain.corners();
             let (rate, speed) = (wall.angular_velocity.norm(), turning.way(1.0, &room));
             let both = wall.way(1.0, &room);
             if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
@@ -234,7 +232,7 @@ impl<'a> Walls<'a> {
             };
             let Some(course) = &wall.course else { return };
             let (shifts, turn) = course.fastest();
-            let (mut wall, room) = (wall.clone(), (domain.low(), domain.high()));
+            let (mut wall, room) = (wall.clone(), domain.corners());
             wall.angular_velocity = Vec3::zeros();
             let mut speed = 0.0;
             for shift in shifts {
@@ -566,8 +564,9 @@ fn add_images(
 ) {
     let Some(domain) = domain.filter(|domain| domain.repeats()) else { return };
     corners.iter_mut().flatten().for_each(|corner| *corner += shift);
-    for axis in (0..3).filter(|&axis| domain.period(axis).is_some()) {
-        let (low, high) = (domain.low()[axis], domain.high()[axis]);
+    let (lowest, highest) = domain.corners();
+    for axis in domain.repeating_axes() {
+        let (low, high) = (lowest[axis], highest[axis]);
         let period = high - low;
         let near = rounded[axis].max(ON_BORDER * period);
         let places = || corners.iter().flatten().map(|corner| corner[axis]);
@@ -625,14 +624,15 @@ fn beyond_ends(
     radii: [f64; 2],
     domain: Option<&Cell>,
 ) -> f64 {
-    let Some(axis) = (0..3).find(|&axis| repeats(domain, axis)) else { return 0.0 };
     let Some(domain) = domain else { return 0.0 };
-    let (low, high) = (domain.low()[axis], domain.high()[axis]);
+    let Some(axis) = domain.repeating_axes().next() else { return 0.0 };
+    let (lowest, highest) = domain.corners();
+    let (low, high) = (lowest[axis], highest[axis]);
     let way = to - from;
     let goes_through = way[axis].abs() == way.norm()
         && (from[axis].min(to[axis]) - low).abs() <= ON_BORDER * (high - low)
         && (from[axis].max(to[axis]) - high).abs() <= ON_BORDER * (high - low);
-    let is_alone = (0..3).filter(|&axis| domain.period(axis).is_some()).count() == 1;
+    let is_alone = domain.repeating_axes().count() == 1;
     if radii[0] != radii[1] || !goes_through || !is_alone {
         given.fail(format!(
             "the domain is periodic along {}: a cylinder must go through this period, from {low:e} to {high:e} m along it, and no other axis may be \
@@ -645,7 +645,7 @@ fn beyond_ends(
 
 /// A surface whose images go along with it does not leave the period.
 fn stays_in_period(given: &Given, along: &Vec3, domain: Option<&Cell>) {
-    if let Some(axis) = (0..3).find(|&axis| repeats(domain, axis) && along[axis] != 0.0) {
+    if let Some(axis) = domain.and_then(|domain| domain.repeats_along(along)) {
         given.fail(format!(
             "must be 0 along {}, which is periodic: a wall that is not of planes cannot leave the period",
             AXES[axis]
@@ -730,7 +730,7 @@ fn plane(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
     let point = section.vector("point");
     let normal = section.require("normal").and_then(|given| {
         let normal = given.direction()?;
-        if let Some(axis) = (0..3).find(|&axis| repeats(domain, axis) && normal[axis] != 0.0) {
+        if let Some(axis) = domain.and_then(|domain| domain.repeats_along(&normal)) {
             given.fail(format!("must be 0 along {}, which is periodic", AXES[axis]));
         }
         Some(normal)

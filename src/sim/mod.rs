@@ -23,7 +23,7 @@ use crate::drive::{
 use crate::ids::GlobalId;
 use crate::law::{ForceLaw, Sums};
 use crate::math::Vec3;
-use crate::measure::{self, Departed, Measures};
+use crate::measure::{self, COMPONENTS, Departed, Measures};
 use crate::motion::{self, Field};
 use crate::particles::Particles;
 use crate::particles::columns::Quantity;
@@ -207,11 +207,14 @@ impl Simulation {
         let asked = self.start_sums(comm);
         self.particles.move_cell(self.dt);
         self.act(|drive, acting| drive.lead(acting));
+        let reach = self.domain.halo() + self.skin;
+        motion::affine::carry(&mut self.particles, &self.field, self.dt, reach);
         let mut farthest = motion::kick_and_drift(&mut self.particles, &self.field, self.dt);
         self.act(|drive, acting| drive.place(acting, &mut farthest));
         self.clock.lap(Phase::Move);
         self.steer_walls(&asked, comm)?;
         self.clock.lap(Phase::Agree);
+        self.check_cell()?;
         self.particles.move_walls(self.step + 1, self.dt);
         self.watch.note(&farthest, &self.particles, self.dt);
         self.step += 1;
@@ -226,12 +229,13 @@ impl Simulation {
         }
         self.find_forces(self.dt)?;
         self.watch.note_depths(&self.particles, &self.contacts);
-        self.count_work_of_images(self.dt);
+        self.count_work_of_images(0.5 * self.dt, 0.5 * self.dt);
         self.show_forces(self.dt);
         self.clock.lap(Phase::Forces);
         self.act(|drive, acting| drive.push(acting));
         motion::kick(&mut self.particles, &self.field, self.dt);
         self.act(|drive, acting| drive.settle(acting));
+        motion::affine::settle(&mut self.particles, self.dt);
         self.clock.lap(Phase::Move);
         Ok(())
     }
@@ -251,6 +255,20 @@ impl Simulation {
         for drive in drives {
             act(&mut **drive, Acting { moment, field, particles });
         }
+    }
+
+    /// Is the cell wide enough, where a flow carries it?
+    fn check_cell(&self) -> Result<(), StepError> {
+        let (cell, least) = (&self.particles.cell, 2.0 * self.domain.halo());
+        let Some(strained) = cell.strained() else { return Ok(()) };
+        let Some((axis, width)) = cell.thin(least).next() else { return Ok(()) };
+        let strains = COMPONENTS.map(|[i, j]| format!("{:.4}", -strained.strain[(i, j)]));
+        let error = DriveError(format!(
+            "the cell is {width:.4e} m wide across {axis}, at strains xx, yy, zz, xy, xz, yz of {}; it must stay at least {least:.4e} m, twice \
+             the largest bounding diameter and the skin. Take more particles, or end the stage before",
+            strains.join(", ")
+        ));
+        Err(StepError::Drive { step: self.step, error })
     }
 
     /// Begins to add up what drives ask for; returns how many numbers each has asked for. Collective, if any has.
@@ -339,7 +357,7 @@ impl Simulation {
         self.show_forces(0.0);
         self.act_after(0.0, |drive, acting| drive.push(acting));
         self.count_initial_energy();
-        self.count_work_of_images(0.5 * self.dt);
+        self.count_work_of_images(0.0, 0.5 * self.dt);
         Ok(())
     }
 
@@ -353,6 +371,7 @@ impl Simulation {
     ) -> Result<(), StepError> {
         let step = self.step;
         self.agree_on_fault(comm)?;
+        self.domain.follow(&self.particles.cell);
         let taken = self.take_leavers(dt, comm);
         let checked = self.domain.check(&self.particles, &taken);
         agree(comm, checked).map_err(|error| StepError::Domain { step, error })?;
@@ -642,21 +661,22 @@ impl Simulation {
         }
         self.change_step_or_gravity(before, self.field.gravity);
         // That of the half step ahead is counted already.
-        self.count_work_of_images(0.5 * (dt - before));
+        self.count_work_of_images(0.0, 0.5 * (dt - before));
     }
 
-    /// Counts as received what images that slide give in a time [s] through the contacts with them, half by each body. Forces act
-    /// in the halves of the steps before and after: the latter is counted ahead, and [`measure::measure`] leaves it out.
-    fn count_work_of_images(&mut self, time: f64) {
-        if self.particles.cell.velocity_above() == Vec3::zeros() {
+    /// Counts as received what images that slide, or a flow, give through the contacts, half by each body: in a time of the step
+    /// before and in one of the step to come [s]. Forces act in the halves of both steps: the latter is counted ahead, and
+    /// [`measure::measure`] leaves it out.
+    fn count_work_of_images(&mut self, before: f64, ahead: f64) {
+        if !self.particles.cell.moves_now() {
             return;
         }
         let particles = &mut self.particles;
         let mut given: Vec<(usize, f64)> = Vec::new();
         for (pair, force) in self.contacts.forces() {
-            let slides = particles.sliding_of_image(pair);
-            if slides != Vec3::zeros() {
-                let share = -0.5 * time * force.dot(&slides);
+            let (now, then) = (particles.sliding_now(pair), particles.sliding_ahead(pair));
+            if now != Vec3::zeros() || then != Vec3::zeros() {
+                let share = -0.5 * before * force.dot(&now) - 0.5 * ahead * force.dot(&then);
                 let bodies = [pair.a, pair.b].map(|slot| particles.body_of(slot).index());
                 given.extend(bodies.map(|slot| (slot, share)));
             }

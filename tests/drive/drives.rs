@@ -77,7 +77,7 @@ impl Drive for Outlet {
     }
 
     fn take(&mut self, _moment: &Moment, leaver: &Particle, particles: &Particles) -> bool {
-        let takes = leaver.position.z < particles.cell.low().z;
+        let takes = leaver.position.z < particles.cell.corners().0.z;
         self.count += u64::from(takes);
         takes
     }

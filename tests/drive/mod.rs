@@ -1,6 +1,7 @@
-//! What acts from outside: servos, rain, inlets and outlets.
+//! What acts from outside: strained cells, servos, rain, inlets and outlets.
 
 mod drives;
+mod element;
 mod flows;
 mod groups;
 mod rain;

@@ -343,7 +343,7 @@ fn the_layers_of_a_profile_make_up_the_packing() {
         // So low that no body reaches through the floor.
         let Header { cell, walls, .. } = &mut snapshot.header;
         let deeper = Vec3::z() * 2e-3;
-        *cell = Cell::new(cell.low() - deeper, cell.high(), [false; 3]);
+        *cell = Cell::new(cell.corners().0 - deeper, cell.corners().1, [false; 3]);
         walls[0].point -= deeper;
         let report = snapshot.report();
         let layers = views(&snapshot, &report.bounds_m.unwrap()).profile.layers();

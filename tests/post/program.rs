@@ -96,7 +96,7 @@ fn a_run_s_files_give_its_numbers_and_its_page_whoever_wrote_them() {
     let ends: i32 = particles.coordination.iter().sum();
     assert_eq!(s.coordination_with_walls, Some(f64::from(ends) / 64.0));
 
-    let volume = (header.cell.high() - header.cell.low()).product();
+    let volume = (header.cell.corners().1 - header.cell.corners().0).product();
     close(s.volume_m3.unwrap() / volume, 1.0, ROUNDING, "volume");
     let solid = 64.0 * header.shapes[0].volume / volume;
     close(s.solid_fraction.unwrap(), solid, ROUNDING, "solid fraction");

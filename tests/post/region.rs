@@ -59,7 +59,7 @@ fn extents_of_turned_ellipsoids_are_exact() {
     let zeros = Vec3::zeros();
     let (name, body) = (drum.name.clone(), drum.saved());
     header.walls.push(WallRow { name, point, normal, velocity: zeros, force: zeros, body });
-    header.cell = Cell::new(header.cell.low(), header.cell.high(), [true, false, false]);
+    header.cell = Cell::new(header.cell.corners().0, header.cell.corners().1, [true, false, false]);
     let found = extent.finish(&header).unwrap();
     assert_eq!((found.low.z, found.high.z), (3.5, 6.5));
     assert_eq!((found.low.x, found.high.x), (0.0, 9.0));
@@ -313,7 +313,8 @@ fn silhouettes_are_those_of_the_bodies() {
 fn sampled_solid_fraction_of_a_periodic_lattice() {
     let (case, snapshot) = lattice_case("SC_periodic");
     // The whole period, moved by nothing: images must be counted.
-    let bounds = Bounds { low: snapshot.header.cell.low(), high: snapshot.header.cell.high() };
+    let bounds =
+        Bounds { low: snapshot.header.cell.corners().0, high: snapshot.header.cell.corners().1 };
     let mut sampled = SampledSolid::new(bounds);
     sampled.add(&snapshot.header, &snapshot.particles);
     // Sampling error, and the lenses of overlap which the exact sum counts twice.
@@ -368,7 +369,8 @@ fn an_open_packing_has_no_strain() {
     let between = |mut snapshot: Snapshot, periodic: bool| {
         snapshot.header.walls.retain(|wall| wall.normal.z != 0.0);
         let cell = snapshot.header.cell;
-        snapshot.header.cell = Cell::new(cell.low(), cell.high(), [periodic, periodic, false]);
+        snapshot.header.cell =
+            Cell::new(cell.corners().0, cell.corners().1, [periodic, periodic, false]);
         snapshot
     };
     let plates =

@@ -324,10 +324,10 @@ fn walls_tell_stress_and_inertial_number() {
     assert_eq!((s.wall_stress_xx_pa, s.wall_stress_yy_pa), (None, None));
     let mut periodic = open;
     let cell = periodic.header.cell;
-    periodic.header.cell = Cell::new(cell.low(), cell.high(), [false, false, true]);
+    periodic.header.cell = Cell::new(cell.corners().0, cell.corners().1, [false, false, true]);
     periodic.header.walls.iter_mut().for_each(|wall| wall.force = wall.normal * -10.0);
     let s = periodic.report().summary;
-    close(s.wall_stress_xx_pa, 10.0 / (side * (cell.high().z - cell.low().z)));
+    close(s.wall_stress_xx_pa, 10.0 / (side * (cell.corners().1.z - cell.corners().0.z)));
 }
 
 /// Shear stresses that are read are the means of both, which differ while grains turn: `σ = f ⊗ l / V` of one contact.

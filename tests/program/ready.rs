@@ -11,11 +11,12 @@ use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 
-const FOLDERS: [&str; 10] = [
+const FOLDERS: [&str; 11] = [
     "heap",
     "mixture",
     "shear",
     "triaxial",
+    "element",
     "incline",
     "polyhedra",
     "hopper",
@@ -75,7 +76,7 @@ fn each_has_a_page_and_a_picture_and_nothing_doubtful() {
             let scene =
                 Scene::read_to_go_on(file, &[], &before).unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(doubts(&scene), Vec::<String>::new(), "{}", scene.title);
-            if name == "triaxial" {
+            if ["triaxial", "element"].contains(&name) {
                 // The next stage asks the snapshot of this one for its scene.
                 before = fresh_directory(&format!("ready_{name}_{stage}"));
                 let comm = &mut Alone::default();

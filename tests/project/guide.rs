@@ -116,5 +116,5 @@ fn keys_are_printed_by_table() {
     let all = keys::text(None).unwrap();
     assert!(all.contains(&domain) && all.contains("\n[fill.file]\n"));
     assert!(!all.contains("crate::") && !all.contains('`'), "{all}");
-    assert!(keys::text(Some("domains")).unwrap_err().contains("there are domain, wall"));
+    assert!(keys::text(Some("domains")).unwrap_err().contains("there are domain, cell, wall"));
 }

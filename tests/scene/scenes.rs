@@ -467,7 +467,7 @@ fn wrong_overrides_are_named() {
         (
             "stopp.rest=1e-6",
             "stopp: no such key, did you mean `stop`? (allowed here: title, seed, gravity, \
-             global_damping, start, like, include, folder, domain, wall, motion, servo, material, interaction, shape, contact, law, time, stop, neighbours, audit, output, inlet, outlet, group, fill)",
+             global_damping, start, like, include, folder, domain, cell, wall, motion, servo, material, interaction, shape, contact, law, time, stop, neighbours, audit, output, inlet, outlet, group, fill)",
         ),
         ("shape.ball.radius=-1", "shape.ball.radius = -1: must be a number greater than 0 [m]"),
         (

@@ -9,6 +9,7 @@ pub use gauge::{RainGauge, saved};
 pub use layer::{LOOKED_AT, Layer, Site, of_layer};
 
 use super::region::Region;
+use crate::cell::Cell;
 use crate::math::Vec3;
 use crate::population::mix::Mix;
 use crate::population::orientations::Orientations;
@@ -86,10 +87,10 @@ impl Rain {
 
     /// Steps from one layer to the next, if nothing else holds them up: as many as a layer needs to fall out of the slab,
     /// rounded up to a multiple of `every`. `None` if it does not fall out. Gravity in m/s², the step in s.
-    pub fn interval(&self, gravity: &Vec3, periodic: [bool; 3], dt: f64) -> Option<u64> {
+    pub fn interval(&self, gravity: &Vec3, cell: &Cell, dt: f64) -> Option<u64> {
         let extent = self.high - self.low;
-        let out = (0..3)
-            .filter(|&axis| !periodic[axis])
+        let out = cell
+            .open_axes()
             .filter_map(|axis| time_to_go(extent[axis], self.velocity[axis], gravity[axis]))
             .reduce(f64::min)?;
         let steps = ((out / dt).ceil() as u64).max(1);

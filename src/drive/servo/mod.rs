@@ -6,7 +6,6 @@
 //! any number of ranks. Normal forces and stiffnesses come from what contacts remember; whole forces along directions, integral,
 //! stiffness, and the sums over steps from which means are made, are saved in snapshots.
 
-mod errors;
 pub mod law;
 mod means;
 mod state;
@@ -15,6 +14,7 @@ pub use law::{Goal, Pressed, Servo, State};
 pub use state::{Target, targets};
 
 use super::clearance::Astray;
+use super::errors::{Errors, Record, SWINGS};
 use super::load::{self, Line};
 use super::{
     Drive, DriveError, Kept, Observer, Outcome, Reporter, Restart, Row, SavedColumn, Standing,
@@ -23,7 +23,6 @@ use super::{
 use crate::comm::Comm;
 use crate::math::{ExactSum, Vec3};
 use crate::walls::Wall;
-use errors::{Errors, Record, SWINGS};
 use means::Means;
 use std::collections::BTreeMap;
 

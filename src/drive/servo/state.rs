@@ -1,10 +1,10 @@
 //! The state of servos in snapshots: a row for each wall with a servo. The state that coupled walls share stands in each of their rows.
 
-use super::errors::{Course, Errors, PARTS};
 use super::law::{Goal, State};
 use super::{Running, Servos};
 use crate::comm::Comm;
 use crate::contact::StateColumn;
+use crate::drive::errors::{Course, Errors, PARTS};
 use crate::drive::{DriveError, Restart, SavedColumn, SavedState, load};
 use crate::math::ExactSum;
 use crate::walls::Wall;

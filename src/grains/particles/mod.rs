@@ -190,11 +190,24 @@ impl Particles {
         }
     }
 
-    /// Velocity of the image of B that A sees against B itself [m/s]; zero if no image slides.
+    /// Velocity of the image of B that A sees against B itself [m/s]; zero if no image slides. Of pieces it is that of their bodies, which no flow turns.
     #[inline]
     pub fn sliding_of_image(&self, pair: Pair) -> Vec3 {
-        let [a, b] = [pair.a, pair.b].map(|slot| self.position[slot.index()]);
+        let [a, b] = [pair.a, pair.b].map(|slot| self.body_of(slot).index());
+        let apart = self.position[b] - self.position[a];
+        self.cell.velocity_of_nearest_midway(&apart, &(self.velocity[b] - self.velocity[a]))
+    }
+
+    /// The same at the positions of now.
+    pub fn sliding_now(&self, pair: Pair) -> Vec3 {
+        let [a, b] = [pair.a, pair.b].map(|slot| self.position[self.body_of(slot).index()]);
         self.cell.velocity_of_nearest(&(b - a))
+    }
+
+    /// As [`Self::sliding_of_image`], in the step to come.
+    pub fn sliding_ahead(&self, pair: Pair) -> Vec3 {
+        let [a, b] = [pair.a, pair.b].map(|slot| self.position[self.body_of(slot).index()]);
+        self.cell.velocity_of_nearest_ahead(&(b - a))
     }
 
     /// The bodies as contact resolution sees them.

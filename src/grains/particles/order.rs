@@ -29,7 +29,7 @@ impl Pencils {
 
     fn of(particles: &Particles) -> Self {
         let Particles { cell, library, .. } = particles;
-        let (low, sides) = (cell.low(), cell.high() - cell.low());
+        let ((low, _), sides) = (cell.corners(), cell.sides());
         let mut axes = [0, 1, 2];
         axes.sort_by(|&a, &b| sides[b].total_cmp(&sides[a]));
         let [longest, middle, shortest] = axes;

@@ -142,10 +142,18 @@ fn for_each_candidate(
     mut visit: impl FnMut(usize, usize),
 ) {
     let bodies = particles.first_facet();
-    let positions = unfolded(&particles.position[..bodies], particles.owned, &particles.cell);
-    let reach = |a: usize, b: usize| (classes.radius[a] + classes.radius[b] + skin) * LEEWAY;
-    let space = Space::around(&positions, &particles.cell, reach(0, 0));
-    let across = Across::of(&particles.cell, &positions);
+    let (mut cell, mut positions) = (particles.cell, Cow::Borrowed(&particles.position[..bodies]));
+    let mut leeway = LEEWAY;
+    if let Some(upright) = cell.upright() {
+        // Edges that lean are looked at where they stand upright, and distances as longer.
+        positions = positions.iter().map(|place| cell.in_upright(place)).collect();
+        leeway *= cell.upright_over_distance();
+        cell = upright;
+    }
+    let positions = unfolded(positions, particles.owned, &cell);
+    let reach = |a: usize, b: usize| (classes.radius[a] + classes.radius[b] + skin) * leeway;
+    let space = Space::around(&positions, &cell, reach(0, 0));
+    let across = Across::of(&cell, &positions);
     let mut visit_direct = |i: usize, j: usize| {
         if across.as_ref().is_none_or(|across| !across.is_between(i, j)) {
             visit(i, j);
@@ -196,7 +204,7 @@ impl<'a> Across<'a> {
     /// `None` if no image slides.
     fn of(cell: &'a Cell, positions: &'a [Vec3]) -> Option<Self> {
         let shear = cell.shear()?;
-        Some(Self { cell, shear, period: cell.period(shear.across)?, positions })
+        Some(Self { cell, shear, period: cell.periods()[shear.across], positions })
     }
 
     /// Is there a face with sliding images between two bodies?
@@ -234,9 +242,9 @@ impl<'a> Across<'a> {
 }
 
 /// Positions in the images nearest to the middle of the owned ones.
-fn unfolded<'a>(positions: &'a [Vec3], owned: usize, cell: &Cell) -> Cow<'a, [Vec3]> {
+fn unfolded<'a>(positions: Cow<'a, [Vec3]>, owned: usize, cell: &Cell) -> Cow<'a, [Vec3]> {
     if !cell.repeats() {
-        return Cow::Borrowed(positions);
+        return positions;
     }
     let (low, high) = bounds(&positions[..owned]);
     let middle = (low + high) * 0.5;
@@ -262,8 +270,8 @@ impl Space {
         for axis in (0..3).filter(|&axis| shear.is_none_or(|shear| shear.across != axis)) {
             let is_along = shear.is_some_and(|shear| shear.along == axis);
             let spare = if is_along { 2.0 * reach } else { reach };
-            if let Some(period) = cell.period(axis).filter(|&period| extent[axis] + spare > period)
-            {
+            let period = cell.periods()[axis];
+            if extent[axis] + spare > period {
                 wraps[axis] = true;
                 extent[axis] = period;
             }
@@ -477,9 +485,9 @@ const HALF_OF_NEIGHBOURS: [[isize; 3]; 13] = [
 #[cfg(test)]
 mod tests {
     use super::close_pairs;
-    use crate::cell::{Cell, Shear};
+    use crate::cell::{Cell, Shear, Strained};
     use crate::ids::{GlobalId, MaterialId, ShapeId, Standing};
-    use crate::math::Vec3;
+    use crate::math::{Mat3, Vec3};
     use crate::particles::records::Particle;
     use crate::particles::{Needs, Particles};
     use crate::population::Library;
@@ -498,7 +506,7 @@ mod tests {
     fn spheres(
         radii: &[f64],
         positions: &[Vec3],
-        cell: Cell,
+        cell: &Cell,
         share: f64,
         sized: bool,
     ) -> Particles {
@@ -513,7 +521,7 @@ mod tests {
             }
         }
         let needs = Needs { scale: sized, ..Needs::default() };
-        let mut particles = Particles::new(needs, library, Vec::new(), cell);
+        let mut particles = Particles::new(needs, library, Vec::new(), *cell);
         let width = positions.iter().map(|p| p.x).fold(0.0, f64::max);
         let mut ghosts = Vec::new();
         for (k, &position) in positions.iter().enumerate() {
@@ -542,7 +550,18 @@ mod tests {
     fn cells_find_what_brute_force_finds() {
         let mut all = 0;
         let slid = |along, across, strain| Some(Shear { along, across, rate: 0.0, strain });
-        for (high, periodic, shear) in [
+        let leans = |x: f64, y: f64, z: f64, [xy, xz, yz]: [f64; 3]| {
+            let edges = Mat3::new(x, xy, xz, 0.0, y, yz, 0.0, 0.0, z);
+            Strained { edges, rate: Mat3::zeros(), strain: Mat3::zeros() }
+        };
+        let strained = [
+            leans(1.0, 0.5, 2.0, [0.49, -0.3, 0.2]),
+            leans(0.5, 1.0, 1.0, [7.9, 3.2, -2.6]),
+            leans(0.6, 0.6, 0.7, [-0.3, 0.3, 0.3]),
+        ];
+        let boxes = strained.map(|strained| (strained.edges.diagonal(), [true; 3], None));
+        let leaning = boxes.into_iter().zip(strained.map(Some));
+        let upright = [
             (Vec3::repeat(1.0), [false; 3], None),
             (Vec3::new(1.0, 1.0, 0.5), [true, false, true], None),
             (Vec3::new(1.0, 0.5, 2.0), [true; 3], None),
@@ -550,17 +569,22 @@ mod tests {
             (Vec3::new(1.0, 0.5, 2.0), [true; 3], slid(2, 0, 0.3)),
             (Vec3::new(0.25, 1.0, 1.0), [true; 3], slid(0, 1, 7.41)),
             (Vec3::new(1.0, 0.7, 0.5), [true, false, true], slid(0, 2, -0.49)),
-        ] {
+        ];
+        let upright = upright.map(|one| (one, None)).into_iter();
+        for ((high, periodic, shear), strained) in upright.chain(leaning) {
             let mut cell = Cell::new(Vec3::zeros(), high, periodic);
             if let Some(shear) = shear {
                 cell = cell.with_shear(shear).expect("both axes repeat");
+            }
+            if let Some(strained) = strained {
+                cell = cell.with_strain(strained).expect("all axes repeat");
             }
             for radii in [&[0.05][..], &[0.06], &[0.003, 0.06], &[0.003, 0.004, 0.011, 0.024, 0.06]]
             {
                 for (share, sized) in [(0.3, false), (0.7, false), (1.0, false), (0.7, true)] {
                     let positions: Vec<_> =
                         (0..600).map(|i| point(i).component_mul(&high)).collect();
-                    let particles = spheres(radii, &positions, cell, share, sized);
+                    let particles = spheres(radii, &positions, &cell, share, sized);
                     let skin = 0.004;
                     let mut found = BTreeSet::new();
                     for pair in close_pairs(&particles, skin) {
@@ -592,7 +616,7 @@ mod tests {
         let mut check = |positions: &[Vec3], slid: f64| {
             let shear = Shear { along: 0, across: 1, rate: 0.0, strain: 0.1 * slid };
             let cell = Cell::new(Vec3::zeros(), high, [true; 3]).with_shear(shear).unwrap();
-            let particles = spheres(&[0.5], positions, cell, 1.0, false);
+            let particles = spheres(&[0.5], positions, &cell, 1.0, false);
             let found: BTreeSet<_> = close_pairs(&particles, skin)
                 .iter()
                 .map(|pair| {

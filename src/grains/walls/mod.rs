@@ -376,7 +376,7 @@ impl Wall {
     /// Are all of its triangles outside the domain by more than its extent?
     pub fn is_far_out_of(&self, cell: &Cell) -> bool {
         let Some(Mesh { surface, .. }) = &self.mesh else { return false };
-        let (low, high, reach) = (cell.low(), cell.high(), surface.reach());
+        let ((low, high), reach) = (cell.corners(), surface.reach());
         (0..3).any(|k| {
             let width = high[k] - low[k];
             self.point[k] - reach > high[k] + width || self.point[k] + reach < low[k] - width
@@ -704,28 +704,12 @@ pub fn met_by<'a>(
     let meets = |wall: &&Wall| {
         wall.meets_ball(centre, radius)
             || wall.mesh.is_some()
-                && images(cell, centre, radius).iter().any(|image| wall.meets_ball(image, radius))
+                && cell
+                    .images_of_ball(centre, radius)
+                    .iter()
+                    .any(|image| wall.meets_ball(image, radius))
     };
     walls.into_iter().find(meets)
-}
-
-/// The other images of a ball that come into a cell.
-fn images(cell: &Cell, centre: &Vec3, radius: f64) -> Vec<Vec3> {
-    let mut all = vec![*centre];
-    for axis in 0..3 {
-        let Some(period) = cell.period(axis) else { continue };
-        let at_low = centre[axis] - radius < cell.low()[axis];
-        let at_high = centre[axis] + radius > cell.high()[axis];
-        for shift in [at_low.then_some(period), at_high.then_some(-period)].into_iter().flatten() {
-            for k in 0..all.len() {
-                let mut image = all[k];
-                image[axis] = centre[axis] + shift;
-                all.push(image);
-            }
-        }
-    }
-    all.remove(0);
-    all
 }
 
 /// How far any facet has moved along its normal: now and before of each, where that is most within `room` [m].
@@ -769,13 +753,17 @@ pub fn area(walls: &[Wall], cell: &Cell, axis: usize) -> Option<f64> {
         [Some(low), Some(high)] => Some(high - low),
         _ => None,
     };
-    let width = |axis| cell.period(axis).or_else(|| between_walls(axis));
+    let periods = cell.periods();
+    let width = |axis: usize| {
+        let period = periods[axis];
+        if period.is_finite() { Some(period) } else { between_walls(axis) }
+    };
     Some(width((axis + 1) % 3)? * width((axis + 2) % 3)?)
 }
 
 /// The box in which particles may be: the cell, and as far as walls have moved out of it [m].
 pub fn room(walls: &[Wall], cell: &Cell) -> Corners {
-    let (mut low, mut high) = (cell.low(), cell.high());
+    let (mut low, mut high) = cell.corners();
     for Across { axis, inwards, place } in walls.iter().filter_map(Wall::across) {
         if inwards > 0.0 {
             low[axis] = low[axis].min(place);

@@ -1,9 +1,9 @@
 //! What a snapshot says once, to both files and back.
 
 use super::{column, numbers, vectors};
-use crate::cell::{Cell, Shear};
+use crate::cell::{Cell, Shear, Strained};
 use crate::drive::SavedState;
-use crate::math::Vec3;
+use crate::math::{Mat3, Vec3};
 use crate::measure::Departed;
 use crate::output::SnapshotError;
 use crate::output::hdf5::{Column, SnapshotFile, StoredFile};
@@ -119,12 +119,17 @@ fn read_run(file: &StoredFile, header: &mut Header) -> Result<(), SnapshotError>
 
 const SHEAR_AXES: &str = "shear_along_across";
 const SHEAR: &str = "shear_rate_strain";
+/// Columns of the edges of a cell that a flow carries ([`Strained`]), by rows.
+const EDGES: &str = "edges";
+const RATE: &str = "velocity_gradient";
+const STRAIN: &str = "strain";
 
 fn write_domain(file: &mut SnapshotFile, cell: &Cell) -> Result<(), SnapshotError> {
     file.group("/domain")?;
     file.text("/domain", "units", "low, high: m")?;
-    file.numbers("/domain", "low", cell.low().as_slice())?;
-    file.numbers("/domain", "high", cell.high().as_slice())?;
+    let (low, high) = cell.corners();
+    file.numbers("/domain", "low", low.as_slice())?;
+    file.numbers("/domain", "high", high.as_slice())?;
     file.numbers("/domain", "periodic", &cell.periodic().map(u8::from))?;
     if let Some(Shear { along, across, rate, strain }) = cell.shear() {
         file.text(
@@ -134,6 +139,17 @@ fn write_domain(file: &mut SnapshotFile, cell: &Cell) -> Result<(), SnapshotErro
         )?;
         file.numbers("/domain", SHEAR_AXES, &[along as u64, across as u64])?;
         file.numbers("/domain", SHEAR, &[rate, strain])?;
+    }
+    if let Some(Strained { edges, rate, strain }) = cell.strained() {
+        file.text(
+            "/domain",
+            "flow",
+            "matrices by rows: edges as columns [m], velocity gradient of the next step [1/s], its sum over time; velocities of particles \
+             are against this flow about the corner `low`",
+        )?;
+        for (name, matrix) in [(EDGES, edges), (RATE, rate), (STRAIN, strain)] {
+            file.numbers("/domain", name, matrix.transpose().as_slice())?;
+        }
     }
     Ok(())
 }
@@ -146,6 +162,13 @@ fn read_domain(file: &StoredFile) -> Result<Cell, SnapshotError> {
         return Err(file.damaged("/domain"));
     }
     let cell = Cell::new(low, high, periodic);
+    if file.has_attribute("/domain", EDGES) {
+        let matrix =
+            |name| file.numbers::<f64, 9>("/domain", name).map(|m| Mat3::from_row_slice(&m));
+        let (edges, rate, strain) = (matrix(EDGES)?, matrix(RATE)?, matrix(STRAIN)?);
+        let strained = cell.with_strain(Strained { edges, rate, strain });
+        return strained.ok_or_else(|| file.damaged("/domain"));
+    }
     if !file.has_attribute("/domain", SHEAR) {
         return Ok(cell);
     }

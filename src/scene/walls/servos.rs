@@ -1,7 +1,7 @@
 //! Which walls have a servo, and what it keeps: from the file as written.
 
 use super::{LONGEST_MOVE, Planned, Walls, slower_by, stays_in_period, too_far, too_fast};
-use crate::cell::{AXES, Cell, SIDES};
+use crate::cell::{AXES, Cell};
 use crate::drive::servo::{Goal, Servo};
 use crate::math::Vec3;
 use crate::population::Library;
@@ -24,9 +24,8 @@ struct Push<'a> {
 
 /// The stress that a servo of force [N] counts as where nothing is known of what its walls touch [Pa]: over the smallest side of
 /// the domain, whose corners are these [m].
-pub(in crate::scene) fn stress_of_force(force: f64, low: &Vec3, high: &Vec3) -> f64 {
-    let widths = high - low;
-    force * widths.max() / widths.product()
+pub(in crate::scene) fn stress_of_force(force: f64, sides: &Vec3) -> f64 {
+    force * sides.max() / sides.product()
 }
 
 /// The highest stress that servos keep [Pa]. Mistakes in them are reported where servos are read.
@@ -38,7 +37,7 @@ pub(in crate::scene) fn highest_stress(root: &Section) -> f64 {
     let of_servo = |servo: &Section| match servo.get("force") {
         Some(force) => {
             let (low, high) = corners()?;
-            Some(stress_of_force(force.number()?, &low, &high))
+            Some(stress_of_force(force.number()?, &(high - low)))
         }
         None => servo.get("stress")?.number(),
     };
@@ -105,11 +104,11 @@ impl Walls<'_> {
         push: Option<&Push>,
     ) -> Option<usize> {
         let name = given.text()?;
-        let repeats = |&(side, axis, _): &(&str, usize, f64)| {
-            side == name && domain.is_some_and(|domain| domain.period(axis).is_some())
-        };
-        if let Some((_, axis, _)) = SIDES.into_iter().find(repeats) {
-            given.fail(format!("is no wall: domain.periodic is true along {}; {CELL}", AXES[axis]));
+        let faces = domain.map(Cell::faces);
+        let face = faces.iter().flatten().find(|face| face.name == name && face.repeats);
+        if let Some(face) = face {
+            let axis = AXES[face.axis];
+            given.fail(format!("is no wall: domain.periodic is true along {axis}; {CELL}"));
             return None;
         }
         let k = self.names.find(given, name)?;
@@ -145,7 +144,7 @@ impl Walls<'_> {
         for axis in [(own + 1) % 3, (own + 2) % 3] {
             let stands = |side: f64| across.iter().any(|w| w.axis == axis && w.inwards == side);
             let closed = stands(1.0) && stands(-1.0);
-            if !closed && domain?.period(axis).is_none() {
+            if !closed && domain?.open_axes().any(|open| open == axis) {
                 given.fail(format!(
                     "its area is not known: the domain is open along {}; add walls on both sides, make it periodic, or give a `force`",
                     AXES[axis]
@@ -168,7 +167,7 @@ impl Walls<'_> {
             return None;
         }
         let (domain, dt) = (domain?, dt?);
-        let room = (domain.low(), domain.high());
+        let room = domain.corners();
         walls.iter().find_map(|&k| {
             let wall = &self.all[k].as_ref()?.wall;
             let mut moved = wall.clone();

@@ -53,7 +53,7 @@ impl Profile {
             high: bounds.high.z,
             area: lengths.x * lengths.y,
             gravity: -header.gravity.z,
-            period: header.cell.period(2),
+            period: Some(header.cell.periods().z).filter(|period| period.is_finite()),
             mass_above: 0.0,
             volume: vec![0.0; layers],
             mass: vec![0.0; layers],

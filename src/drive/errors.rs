@@ -1,6 +1,6 @@
-//! How a servo keeps its target: its errors over steps, the course of a stage, swings.
+//! How a servo or a cell keeps its target: its errors over steps, the course of a stage, swings.
 
-use crate::drive::CHECK_EVERY;
+use super::CHECK_EVERY;
 
 /// How a servo kept its target over steps on end; errors are (stress - target) / target, or the same of forces.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,0 +1,152 @@
+//! The law of control: from the stress in a cell to the rate at which it is strained.
+//!
+//! In each step of `dt` a component with a target gets a rate from what is missing, `e = target - stress`, and from the modulus of the
+//! present contacts `C = (1/V) Σ l² n_b² (k + c/dt)`, with their branches `l`, normals `n`, stiffness `k` and dashpots `c`, where `b` is the
+//! last axis of the component:
+//!
+//! `rate = P e / (C dt) + s`, then `s ← s + I e / (C dt)`, with `P = 0.25 gain` and `I = P²/4`.
+//!
+//! All grains go with the cell in the same step, so no wave must cross the packing first, and true moduli are below those of a motion
+//! that is the same everywhere: a rate found from `C` does not make up too much. `C` bounds the sum of moduli by which the components act
+//! on each other. The stress of a step sets the rate of the next one but one, for which `P` is less than that of walls. A component of
+//! which nothing touches goes at `max_rate` towards its target, or rests if that is zero.
+
+use crate::math::Vec3;
+use crate::measure::COMPONENTS;
+use serde::{Deserialize, Serialize};
+
+/// Strain rate or stress asked of a component; compression positive.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Goal {
+    /// This strain rate [1/s].
+    Rate(f64),
+    /// This stress [Pa].
+    Stress(f64),
+    /// Along x, y and z alike: this stress in their mean [Pa].
+    MeanStress(f64),
+    /// Its part of what keeps the volume.
+    Volume,
+}
+
+impl Goal {
+    /// The stress that it is to reach [Pa].
+    pub const fn stress(&self) -> Option<f64> {
+        match *self {
+            Self::Stress(stress) | Self::MeanStress(stress) => Some(stress),
+            Self::Rate(_) | Self::Volume => None,
+        }
+    }
+}
+
+/// Strain rates and stresses asked of a cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Control {
+    /// By [`COMPONENTS`].
+    pub goals: [Goal; 6],
+    /// How long targets move from the stress with which the stage begins to the goal [s].
+    pub ramp: f64,
+    /// The fastest rate of a component with a stress [1/s].
+    pub max_rate: f64,
+    /// Factor on how quickly the cell answers [-].
+    pub gain: f64,
+}
+
+/// Stress and stiffness of a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pressed {
+    /// Stress, compression positive, by [`COMPONENTS`] [Pa].
+    pub stress: [f64; 6],
+    /// Moduli `C` by axis [Pa]; 0 where nothing touches.
+    pub moduli: Vec3,
+}
+
+/// State of the control of a component.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct State {
+    /// The integral: the rate at which nothing is missing [1/s].
+    pub rate: f64,
+    /// Modulus of the contacts when there last were any; 0 before that [Pa].
+    pub modulus: f64,
+    /// Stress with which the stage began [Pa].
+    pub first: f64,
+}
+
+impl Control {
+    /// The components that keep a stress: number by [`COMPONENTS`] and goal [Pa]. Those that keep one in their mean are the first of them.
+    pub fn targets(&self) -> impl Iterator<Item = (usize, f64)> {
+        let is_first = |k: usize| k == 0 || !matches!(self.goals[k], Goal::MeanStress(_));
+        let all = self.goals.iter().enumerate().filter(move |&(k, _)| is_first(k));
+        all.filter_map(|(k, goal)| Some((k, goal.stress()?)))
+    }
+
+    /// Does it keep a stress?
+    pub fn has_target(&self) -> bool {
+        self.targets().next().is_some()
+    }
+
+    /// The rates of all components, from those of components with a stress [1/s].
+    pub fn rates(&self, mut of_stress: impl FnMut(usize) -> f64) -> [f64; 6] {
+        let mut rates = [0.0; 6];
+        for (k, goal) in self.goals.iter().enumerate() {
+            rates[k] = match goal {
+                Goal::Rate(rate) => *rate,
+                Goal::Stress(_) => of_stress(k),
+                Goal::MeanStress(_) if k > 0 => rates[0],
+                Goal::MeanStress(_) => of_stress(0),
+                Goal::Volume => 0.0,
+            };
+        }
+        let keeps = |k: &usize| self.goals[*k] == Goal::Volume;
+        let sum = rates[0] + rates[1] + rates[2];
+        let share = sum / (0..3).filter(keeps).count().max(1) as f64;
+        (0..3).filter(keeps).for_each(|k| rates[k] = -share);
+        rates
+    }
+
+    /// Target at a time since the stage began [s], on its way from the first stress to the goal [Pa].
+    pub fn target_at(&self, goal: f64, first: f64, time: f64) -> f64 {
+        let part = if time < self.ramp { time / self.ramp } else { 1.0 };
+        first + (goal - first) * part
+    }
+
+    /// The rate of a component in the step to come, of `dt` [s], with a target [Pa].
+    pub fn rate(
+        &self,
+        state: &mut State,
+        target: f64,
+        [stress, modulus]: [f64; 2],
+        dt: f64,
+    ) -> f64 {
+        if modulus > 0.0 {
+            state.modulus = modulus;
+        }
+        if state.modulus == 0.0 {
+            return if target == 0.0 { 0.0 } else { self.max_rate.copysign(target) };
+        }
+        let at_once = (target - stress) / (state.modulus * dt);
+        let proportional = PROPORTIONAL * self.gain;
+        let wanted = state.rate + proportional * at_once;
+        let rate = wanted.clamp(-self.max_rate, self.max_rate);
+        let more = 0.25 * proportional * proportional * at_once;
+        // While the cell is held back, the integral may only become less.
+        if rate == wanted || more * wanted < 0.0 {
+            state.rate = (state.rate + more).clamp(-self.max_rate, self.max_rate);
+        }
+        rate
+    }
+}
+
+impl Pressed {
+    /// Stress and modulus of a goal's component [Pa].
+    pub fn of(&self, goal: &Goal, component: usize) -> [f64; 2] {
+        if let Goal::MeanStress(_) = goal {
+            let [x, y, z, ..] = self.stress;
+            return [(x + y + z) / 3.0, self.moduli.sum() / 3.0];
+        }
+        let [_, across] = COMPONENTS[component];
+        [self.stress[component], self.moduli[across]]
+    }
+}
+
+/// Part of what is missing that is made up in a step, with a gain of 1 [-].
+const PROPORTIONAL: f64 = 0.25;

@@ -1,0 +1,269 @@
+//! A periodic cell that is strained as a whole: the element test.
+//!
+//! Each component of strain has a rate, or one that a stress asks for ([`control`]). The flow carries all grains in the same step
+//! ([`crate::motion::affine`]). The stress is the symmetric part of the sum of force times branch, and of mass times velocity against the
+//! flow times velocity, over the volume. It is summed exactly and once per step, while the particles move: the same bits on any number of
+//! ranks.
+
+pub mod control;
+mod state;
+
+pub use control::{Control, Goal, Pressed, State};
+
+use super::errors::{Errors, Record, SWINGS};
+use super::{
+    Drive, DriveError, Kept, Observer, Outcome, Reporter, Restart, SavedColumn, Standing, Steering,
+    View,
+};
+use crate::cell::{AXES, Cell};
+use crate::comm::Comm;
+use crate::math::{ExactSum, Mat3, Vec3};
+use crate::measure::COMPONENTS;
+use crate::walls::Wall;
+
+/// Sums of a step: those of [`COMPONENTS`] of the stress times volume, then of the moduli by axis.
+const SUMS: usize = COMPONENTS.len() + 3;
+
+/// The control of the cell of a running simulation.
+#[derive(Clone, Debug)]
+pub struct Element {
+    control: Control,
+    /// Those of components without a target stay as they are; so do their records.
+    states: [State; 6],
+    records: [Record; 6],
+    /// Has the stress been seen with which the stage begins?
+    has_begun: bool,
+    /// Sums of this rank at the positions of now; empty without targets.
+    sums: Vec<ExactSum>,
+    warnings: Vec<String>,
+    /// Is a target still under way?
+    ramps: bool,
+}
+
+/// The velocity gradient of a flow with these strain rates, compression positive [1/s].
+pub fn gradient(rates: &[f64; 6]) -> Mat3 {
+    let [xx, yy, zz, xy, xz, yz] = *rates;
+    -Mat3::new(xx, xy, xz, 0.0, yy, yz, 0.0, 0.0, zz)
+}
+
+/// Name of a component, as `xy`.
+pub fn name_of(component: usize) -> String {
+    COMPONENTS[component].map(|axis| AXES[axis]).concat()
+}
+
+impl Element {
+    /// At the start.
+    pub fn new(control: Control) -> Self {
+        let sums = if control.has_target() { SUMS } else { 0 };
+        Self {
+            ramps: control.ramp > 0.0 && control.has_target(),
+            control,
+            states: Default::default(),
+            records: Default::default(),
+            has_begun: false,
+            sums: vec![ExactSum::default(); sums],
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Gives a cell the rates that are known before any stress is, for the first step of a stage.
+    pub fn begin(control: &Control, cell: &mut Cell) {
+        cell.set_rate(&gradient(&control.rates(|_| 0.0)));
+    }
+
+    /// Sets the rate of the cell for the step to come.
+    fn steer_cell(&mut self, pressed: &Pressed, steering: &mut Steering) {
+        let Self { control, states, records, has_begun, warnings, ramps, .. } = self;
+        let moment = steering.moment;
+        // The rate is that of the step after this one.
+        let time = moment.stage_time + 2.0 * moment.dt;
+        *ramps = control.has_target() && time < control.ramp;
+        let scale = scale_of(control, states, pressed, *has_begun);
+        let goals = control.goals;
+        let rates = control.rates(|k| {
+            let goal = goals[k].stress().unwrap_or_default();
+            let now = pressed.of(&goals[k], k);
+            let state = &mut states[k];
+            if !*has_begun {
+                state.first = now[0];
+            }
+            let target = control.target_at(goal, state.first, time);
+            let aim = control.target_at(goal, state.first, moment.stage_time);
+            let size = if goal == 0.0 { scale } else { goal.abs() };
+            if records[k].note(moment.step, (now[0] - aim) / size) {
+                warnings.push(format!(
+                    "the stress {} of the cell has jumped from one side of its target to the other for {SWINGS} steps, and jumps no \
+                     less: the control is too quick for these grains. Set `cell.gain` = {:.2} or lower",
+                    called(&goals[k], k),
+                    0.5 * control.gain,
+                ));
+            }
+            control.rate(state, target, now, moment.dt)
+        });
+        *has_begun = true;
+        steering.cell.set_rate(&gradient(&rates));
+    }
+
+    /// Errors over the last fifth of the stage of each component with a target, if there were any steps: component, goal [Pa], errors.
+    fn in_the_end(&self) -> impl Iterator<Item = (usize, f64, Errors)> {
+        let all = self.control.targets();
+        let all = all.map(|(k, goal)| (k, goal, self.records[k].course.last_fifth()));
+        all.filter(|(.., late)| late.steps > 0.0)
+    }
+
+    /// Stress by which errors of a component are divided [Pa].
+    fn size(&self, goal: f64) -> f64 {
+        let nothing = Pressed::default();
+        if goal == 0.0 { scale_of(&self.control, &self.states, &nothing, true) } else { goal.abs() }
+    }
+}
+
+/// Stress by which errors of targets of zero are divided: the largest target, or the largest stress with which the stage began [Pa].
+fn scale_of(control: &Control, states: &[State; 6], pressed: &Pressed, has_begun: bool) -> f64 {
+    let largest = control.targets().map(|(_, goal)| goal.abs()).fold(0.0, f64::max);
+    if largest > 0.0 {
+        return largest;
+    }
+    let first = |k: usize| {
+        if has_begun { states[k].first } else { pressed.of(&control.goals[k], k)[0] }
+    };
+    let begun = control.targets().map(|(k, _)| first(k).abs()).fold(0.0, f64::max);
+    if begun > 0.0 { begun } else { 1.0 }
+}
+
+/// How a target is called.
+fn called(goal: &Goal, component: usize) -> String {
+    if let Goal::MeanStress(_) = goal { "isotropic".to_owned() } else { name_of(component) }
+}
+
+impl Drive for Element {
+    /// The limbs of the sums that were found with the forces.
+    fn sums(&self, _view: &View) -> Vec<i64> {
+        self.sums.iter().flat_map(|sum| *sum.limbs()).collect()
+    }
+
+    fn steer(&mut self, mut steering: Steering) -> Result<(), DriveError> {
+        if self.sums.is_empty() {
+            return Ok(());
+        }
+        let volume = steering.cell.volume();
+        let sums = ExactSum::values(steering.sums);
+        let (stress, moduli) = sums.split_at(COMPONENTS.len());
+        let pressed = Pressed {
+            stress: std::array::from_fn(|k| stress[k] / volume),
+            moduli: Vec3::from_column_slice(moduli) / volume,
+        };
+        self.steer_cell(&pressed, &mut steering);
+        Ok(())
+    }
+}
+
+impl Observer for Element {
+    /// Sums stress and stiffness of this rank at the positions of now.
+    fn after_forces(&mut self, view: &View) {
+        if self.sums.is_empty() {
+            return;
+        }
+        let View { moment, particles, contacts, law, .. } = view;
+        let mut sums = vec![ExactSum::default(); SUMS];
+        // At the start no time has passed, in which a dashpot would resist.
+        let dt = if moment.dt > 0.0 { moment.dt } else { f64::INFINITY };
+        let mut add = |k: usize, term: f64| {
+            // A state that is not a number is reported when the list of pairs is rebuilt.
+            if term.is_finite() {
+                sums[k].add(term);
+            }
+        };
+        for contact in contacts.loaded(*law, particles) {
+            if contact.pair.a.index() >= particles.owned {
+                continue;
+            }
+            let branch = particles.bodies().relative(contact.pair);
+            for (k, [i, j]) in COMPONENTS.into_iter().enumerate() {
+                add(k, 0.5 * (contact.force[i] * branch[j] + contact.force[j] * branch[i]));
+            }
+            let stiffness = law.stiffness(contact.pair, particles, contact.geometry, dt);
+            for axis in 0..3 {
+                let along = contact.geometry.normal[axis];
+                add(COMPONENTS.len() + axis, stiffness * branch.norm_squared() * along * along);
+            }
+        }
+        for slot in 0..particles.owned {
+            let (mass, velocity) = (particles.mass(slot), particles.velocity[slot]);
+            for (k, [i, j]) in COMPONENTS.into_iter().enumerate() {
+                add(k, mass * velocity[i] * velocity[j]);
+            }
+        }
+        self.sums = sums;
+    }
+}
+
+impl Reporter for Element {
+    fn name(&self) -> &'static str {
+        state::NAME
+    }
+
+    fn warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
+    }
+
+    /// The largest of the mean errors since the last step at which `[stop]` looked.
+    fn standing(&self) -> Standing {
+        let error = |(k, _): (usize, f64)| {
+            let recent = &self.records[k].recent;
+            // Before the first step nothing is known.
+            if recent.steps > 0.0 { recent.mean_size() } else { f64::INFINITY }
+        };
+        let largest = self.control.targets().map(error).reduce(f64::max);
+        Standing {
+            unfinished: self.ramps.then_some("the targets of the cell are still under way"),
+            error: largest.map(|error| ("cell", error)),
+            ..Standing::default()
+        }
+    }
+
+    fn outcome(&self, _walls: &[Wall], _has_stopped: bool) -> Outcome {
+        let kept = |(k, target, late): (usize, f64, Errors)| Kept {
+            drive: "cell".to_owned(),
+            of: called(&self.control.goals[k], k),
+            unit: "Pa",
+            target,
+            mean: target + late.of_mean() * self.size(target),
+            steps: late.steps as u64,
+            mean_error: late.mean_size(),
+            largest_error: late.largest,
+        };
+        let is_off = |(.., late): &(usize, f64, Errors)| {
+            let mean = late.mean_size();
+            mean > OFF_TARGET || mean.is_nan()
+        };
+        let warning = |(k, _, late): (usize, f64, Errors)| {
+            let advice = if late.of_mean().abs() > 0.5 * late.mean_size() {
+                "Give it more steps or a higher `max_rate`"
+            } else {
+                "The grains knock: let them lose energy (`restitution`, `friction`), strain them more slowly, take more of them, or, \
+                 if it swings, a lower `gain`"
+            };
+            format!(
+                "the cell has not kept its stress {}: {:.1} % off in the mean of the last fifth of the steps. {advice}",
+                called(&self.control.goals[k], k),
+                100.0 * late.mean_size(),
+            )
+        };
+        Outcome {
+            kept: self.in_the_end().map(kept).collect(),
+            warnings: self.in_the_end().filter(is_off).map(warning).collect(),
+        }
+    }
+
+    fn save(&self, _walls: &[Wall], comm: &mut dyn Comm) -> Vec<SavedColumn> {
+        state::saved(self, comm)
+    }
+
+    fn resume(&mut self, restart: &Restart, _walls: &mut [Wall]) -> Result<(), DriveError> {
+        state::resume(self, restart)
+    }
+}
+
+/// A stress whose error is larger, over its target, is warned of.
+const OFF_TARGET: f64 = 0.02;

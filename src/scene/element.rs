@@ -1,0 +1,196 @@
+//! `[cell]`: how a periodic domain is strained as a whole.
+
+use super::reader::{Given, Section};
+use crate::cell::{AXES, Cell};
+use crate::drive::element::{Control, Goal, gradient};
+use crate::measure::COMPONENTS;
+
+/// The components, in the order of [`COMPONENTS`].
+const NAMES: [&str; 6] = ["xx", "yy", "zz", "xy", "xz", "yz"];
+/// A step may strain the cell by so much [-].
+const MOST_IN_STEP: f64 = 1e-3;
+/// In so many parts the way of a cell with given rates is looked at before the run.
+const LOOKS: u32 = 1000;
+
+/// The domain as the flow of a `[cell]` may carry it.
+pub(super) fn domain(root: &Section, domain: Option<&Cell>) -> Option<Cell> {
+    let (Some(given), Some(before)) = (root.get("cell"), domain) else { return domain.copied() };
+    let carried = before.at_rest();
+    if carried.is_none() {
+        given.fail_whole(
+            "needs a domain that is periodic along x, y and z, and without `shear`: take `xy = { rate = .. }` in its place",
+        );
+    }
+    carried
+}
+
+/// Reads what the cell shall do; `None` if it is wrong, and `Some(None)` if there is no `[cell]`.
+#[expect(clippy::option_option, reason = "wrong, none, or one")]
+pub(super) fn control(root: &Section) -> Option<Option<Control>> {
+    let Some(section) = root.section("cell") else {
+        return root.get("cell").is_none().then_some(None);
+    };
+    let goals = goals(&section)?;
+    let number = |key, default| section.number_or(key, default);
+    let (ramp, gain) = (number("ramp", 0.0), number("gain", 1.0));
+    let max_rate = section.optional("max_rate", Given::number)?;
+    let control = Control { goals, ramp: ramp?, max_rate: max_rate.unwrap_or(0.0), gain: gain? };
+    if control.has_target() && max_rate.is_none() {
+        section.fail(
+            "a component has a `stress`, so it needs `max_rate`, the fastest rate at which it may strain [1/s]: a strain of 1e-3 in the \
+             time in which a grain crosses its own size under that stress, d sqrt(density / stress), is slow",
+        );
+        return None;
+    }
+    for key in ["ramp", "max_rate", "gain"] {
+        if !control.has_target() {
+            section.refuse(key, "nothing has a `stress`");
+        }
+    }
+    Some(Some(control))
+}
+
+/// The goals of all components.
+fn goals(section: &Section) -> Option<[Goal; 6]> {
+    let mut given: [Option<Goal>; 6] = [None; 6];
+    for (name, goal) in NAMES.into_iter().zip(&mut given) {
+        *goal = section.optional(name, |given| self::goal(given))?;
+    }
+    if let Some(of_all) = section.get("isotropic") {
+        if given[..3].iter().any(Option::is_some) {
+            of_all.fail_whole("strains along x, y and z alike: leave out `xx`, `yy` and `zz`");
+            return None;
+        }
+        let goal = match goal(&of_all)? {
+            Goal::Stress(stress) => Goal::MeanStress(stress),
+            rate => rate,
+        };
+        given[..3].fill(Some(goal));
+    }
+    if let Some(across) = section.get("plane_strain") {
+        let axis = across.one_of(&[("x", 0), ("y", 1), ("z", 2)])?;
+        if given[axis].is_some() {
+            let name = NAMES[axis];
+            across
+                .fail(format!("keeps the cell's length along {}: leave out `{name}`", AXES[axis]));
+            return None;
+        }
+        given[axis] = Some(Goal::Rate(0.0));
+    }
+    if section.boolean_or("constant_volume", false)? {
+        if given[..3].iter().all(Option::is_some) {
+            section.get("constant_volume")?.fail(
+                "no component is left that could keep the volume: leave out one of `xx`, `yy` and `zz` at least",
+            );
+            return None;
+        }
+        for goal in given[..3].iter_mut().filter(|goal| goal.is_none()) {
+            *goal = Some(Goal::Volume);
+        }
+    }
+    Some(given.map(|goal| goal.unwrap_or(Goal::Rate(0.0))))
+}
+
+/// A rate or a stress.
+fn goal(given: &Given) -> Option<Goal> {
+    let section = given.section()?;
+    let rate = section.optional("rate", Given::number)?;
+    let stress = section.optional("stress", Given::number)?;
+    match (rate, stress) {
+        (Some(rate), None) => Some(Goal::Rate(rate)),
+        (None, Some(stress)) => Some(Goal::Stress(stress)),
+        _ => {
+            given.fail_whole("give either `rate` or `stress`");
+            None
+        }
+    }
+}
+
+/// Refuses what does not go with a cell that is strained.
+pub(super) fn check_others(root: &Section, walls: usize) {
+    if root.get("cell").is_none() {
+        return;
+    }
+    if walls > 0
+        && let Some(given) = root.get("cell")
+    {
+        given.fail_whole("not together with walls, which a flow would carry along: leave the walls out, or move them");
+    }
+    if let Some(given) = root.get("gravity")
+        && given.vector().is_some_and(|gravity| gravity.norm() > 0.0)
+    {
+        given.fail("must be 0 with a [cell]: it would push without end");
+    }
+    let rain = root.section("fill").and_then(|fill| fill.get("rain"));
+    let others = [rain, root.get("inlet"), root.get("outlet")];
+    for given in others.into_iter().flatten() {
+        given.fail_whole("not together with a [cell]: make the grains by [[fill.lattice]] or [[fill.file]], or `start` from a stage without it");
+    }
+}
+
+/// Are rates slow enough, and does the cell stay wide enough where its way is known? Lengths in m, times in s.
+pub(super) fn check_course(
+    root: &Section,
+    control: &Control,
+    domain: &Cell,
+    (dt, lasts): (f64, f64),
+    least: f64,
+) {
+    let Some(section) = root.section("cell") else { return };
+    let rates = control.rates(|_| control.max_rate);
+    let fastest = rates.iter().fold(0.0_f64, |most, rate| most.max(rate.abs()));
+    if fastest * dt > MOST_IN_STEP {
+        section.fail(format!(
+            "strains by {:.2e} in a step; must be at most {MOST_IN_STEP:e}: a slower rate, at most {:.3e} 1/s, or a shorter step",
+            fastest * dt,
+            MOST_IN_STEP / dt
+        ));
+        return;
+    }
+    // With `start` the cell is that of the snapshot.
+    if control.has_target() || root.get("start").is_some() {
+        return;
+    }
+    let mut cell = *domain;
+    cell.set_rate(&gradient(&rates));
+    for _ in 0..LOOKS {
+        cell.carry(lasts / f64::from(LOOKS), 0.0);
+        if let Some((axis, width)) = cell.thin(least).next() {
+            let strain = cell.strained().map(|strained| -strained.strain);
+            let strains = COMPONENTS.map(|[i, j]| strain.map_or(0.0, |strain| strain[(i, j)]));
+            let all: Vec<String> = (0..6)
+                .filter(|&k| strains[k] != 0.0)
+                .map(|k| format!("{} = {:.3}", NAMES[k], strains[k]))
+                .collect();
+            section.fail(format!(
+                "strained by {} the cell is {width:.4e} m wide across {axis}; it must stay at least {least:.4e} m, twice the largest \
+                 bounding diameter and the skin: take more grains, or fewer steps",
+                all.join(", ")
+            ));
+            return;
+        }
+    }
+}
+
+/// Describes what a cell does in words.
+pub(super) fn words(control: &Control) -> String {
+    let Control { goals, ramp, max_rate, gain } = control;
+    let one = |(k, goal): (usize, &Goal)| match goal {
+        Goal::Rate(rate) => format!("{} at {rate} 1/s", NAMES[k]),
+        Goal::Stress(stress) => format!("{} to {stress:e} Pa", NAMES[k]),
+        Goal::MeanStress(stress) => format!("{} with a mean stress of {stress:e} Pa", NAMES[k]),
+        Goal::Volume => format!("{} keeps the volume", NAMES[k]),
+    };
+    let rests = |(_, goal): &(usize, &Goal)| **goal != Goal::Rate(0.0);
+    let mut all: Vec<String> = goals.iter().enumerate().filter(rests).map(one).collect();
+    if all.is_empty() {
+        all.push("rests".to_owned());
+    }
+    if control.has_target() {
+        all.push(format!("at most {max_rate} 1/s, gain {gain}"));
+    }
+    if *ramp > 0.0 {
+        all.push(format!("targets move for {ramp} s"));
+    }
+    all.join("; ")
+}

@@ -1,0 +1,458 @@
+//! Periodic cells that are strained as a whole, against closed forms: lattices, free grains, energies, targets of stress.
+
+use crate::support::{OnRanks, begun, close, expect_refused, save, scene};
+use dem_mpi::cell::{Cell, Strained};
+use dem_mpi::comm::alone::Alone;
+use dem_mpi::math::{Mat3, Vec3};
+use dem_mpi::scene::Scene;
+use dem_mpi::scene::assemble::{self, Continuation, StartError};
+use dem_mpi::sim::Simulation;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+/// Diameter of the balls of lattices [m].
+const DIAMETER: f64 = 1e-3;
+/// Stiffness of their contacts along the normal [N/m].
+const NORMAL: f64 = 1e4;
+/// Stiffness across it [N/m].
+const TANGENTIAL: f64 = 6e3;
+
+/// Edges of the cell of a lattice over the distance of neighbours, and the balls in it, in edges.
+type Lattice = (f64, &'static [[f64; 3]]);
+
+const SIMPLE: Lattice = (1.0, &[[0.0; 3]]);
+const BODY_CENTRED: Lattice = (1.154_700_538_379_251_5, &[[0.0; 3], [0.5; 3]]);
+const FACE_CENTRED: Lattice =
+    (std::f64::consts::SQRT_2, &[[0.0; 3], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5], [0.5, 0.5, 0.0]]);
+
+/// Balls on a lattice whose neighbours overlap by this part of the diameter.
+fn lattice(
+    (edge, balls): Lattice,
+    count: u32,
+    overlap: f64,
+    [material, law, cell]: [&str; 3],
+    step: f64,
+) -> Scene {
+    let edge = edge * DIAMETER * (1.0 - overlap);
+    let side = edge * f64::from(count);
+    let mut fills = String::new();
+    for ball in balls {
+        let [x, y, z] = ball.map(|part| (part + 0.25) * edge);
+        write!(
+            fills,
+            "[[fill.lattice]]\nfirst = [{x:?}, {y:?}, {z:?}]\ncount = [{count}, {count}, {count}]\nspacing = {edge:?}\n"
+        )
+        .unwrap();
+    }
+    scene(&format!(
+        "[domain]\nlow = [0, 0, 0]\nhigh = [{side:?}, {side:?}, {side:?}]\nperiodic = [true, true, true]\n[cell]\n{cell}\n\
+         [[material]]\nname = \"steel\"\ndensity = 2000.0\n{material}\n{law}\n\
+         [[shape]]\nname = \"ball\"\nkind = \"sphere\"\ndiameter = {DIAMETER:?}\n{fills}[time]\nstep = {step:?}\nallow_unstable = true\n\
+         [neighbours]\nskin = 1e-5\n"
+    ))
+}
+
+/// Stress, compression positive: xx, yy, zz, xy, xz, yz [Pa].
+fn stress(sim: &Simulation) -> [f64; 6] {
+    let bulk = sim.measure(&mut Alone::default()).bulk.expect("of a strained cell");
+    std::array::from_fn(|k| bulk.of_contacts[k] + bulk.of_motion[k])
+}
+
+/// Moduli C11, C12, C44 times the diameter [N/m], from one step of a strain of 1e-7.
+fn moduli(of: Lattice, count: u32, overlap: f64) -> [f64; 3] {
+    const STRAIN: f64 = 1e-7;
+    let step = 1e-6;
+    let material = format!(
+        "normal_stiffness = {NORMAL:?}\ntangential_stiffness = {TANGENTIAL:?}\nfriction = 100.0"
+    );
+    let strained = |component: &str| {
+        let cell = format!("{component} = {{ rate = {:?} }}", STRAIN / step);
+        let mut sim = begun(
+            &lattice(of, count, overlap, [&material, "", &cell], step),
+            &mut Alone::default(),
+        );
+        let before = stress(&sim);
+        sim.step(&mut Alone::default()).unwrap();
+        let after = stress(&sim);
+        move |k: usize| (after[k] - before[k]) / STRAIN * DIAMETER
+    };
+    let (along, across) = (strained("xx"), strained("xy"));
+    [along(0), along(1), across(3)]
+}
+
+/// Every ball is a centre of symmetry, so a lattice strains alike everywhere, and its moduli are sums over the bonds of one ball. An
+/// overlap at the start adds to them in proportion.
+#[test]
+fn lattices_have_the_moduli_of_their_bonds() {
+    let (kn, kt) = (NORMAL, TANGENTIAL);
+    let (third, two) = (3.0_f64.sqrt() / 3.0, 2.0_f64.sqrt());
+    for (name, of, count, expected) in [
+        ("simple", SIMPLE, 4, [kn, 0.0, 0.5 * kt]),
+        (
+            "body-centred",
+            BODY_CENTRED,
+            3,
+            [third * (kn + 2.0 * kt), third * (kn - kt), third * (kn + 0.5 * kt)],
+        ),
+        ("face-centred", FACE_CENTRED, 2, [two * (kn + kt), (kn - kt) / two, (kn + kt) / two]),
+    ] {
+        let at = |overlap: f64| moduli(of, count, overlap);
+        let (small, large) = (at(4e-7), at(8e-7));
+        for k in 0..3 {
+            let errors = [small[k], large[k]].map(|found| (found - expected[k]) / kn);
+            println!("{name} {k}: {errors:?}");
+            // The half of an error that halves with the overlap is left out.
+            let rest = 2.0 * errors[0] - errors[1];
+            assert!(rest.abs() < 1e-6, "{name}, modulus {k}: {rest:e} beside the overlap");
+            assert!(errors[0].abs() < 3e-6, "{name}, modulus {k}: {errors:?}");
+        }
+    }
+}
+
+/// `p = (4 sqrt 2 / 3) E* e^(3/2) / (1 - e)^2` of smooth balls, at every strain.
+#[test]
+fn a_face_centred_lattice_of_hertz_follows_its_closed_form() {
+    let material = "youngs_modulus = 1e9\npoisson_ratio = 0.25";
+    let law = "[law]\nnormal = \"hertz\"";
+    let cell = "isotropic = { rate = 10.0 }";
+    let scene = lattice(FACE_CENTRED, 3, 0.0, [material, law, cell], 1e-6);
+    let mut sim = begun(&scene, &mut Alone::default());
+    let side = sim.particles.cell.sides().x;
+    for look in 0..5 {
+        for _ in 0..100 {
+            sim.step(&mut Alone::default()).unwrap();
+        }
+        let strain = 1.0 - sim.particles.cell.sides().x / side;
+        let modulus = 1e9 / (2.0 * (1.0 - 0.25 * 0.25));
+        let pressure =
+            4.0 * 2.0_f64.sqrt() / 3.0 * modulus * strain.powf(1.5) / (1.0 - strain).powi(2);
+        let [x, y, z, xy, xz, yz] = stress(&sim);
+        for found in [x, y, z] {
+            close(found, pressure, 1e-10, &format!("pressure {look}"));
+        }
+        assert!([xy, xz, yz].iter().all(|stress| stress.abs() < 1e-9 * pressure));
+        assert!(sim.particles.velocity.iter().all(|v| v.norm() < 1e-9));
+    }
+}
+
+/// A cloud in which nothing touches.
+fn cloud(cell: &str, velocity: &str, step: f64) -> Scene {
+    scene(&format!(
+        "[domain]\nlow = [-0.01, 0.02, 0.03]\nhigh = [0.02, 0.045, 0.055]\nperiodic = [true, true, true]\n[cell]\n{cell}\n\
+         [[material]]\nname = \"steel\"\ndensity = 2000.0\nnormal_stiffness = 1e4\n\
+         [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 1e-5\n\
+         [[fill.lattice]]\nfirst = [-0.0083, 0.0211, 0.0323]\ncount = [5, 4, 4]\nspacing = 0.0057\njitter = 1e-3\nvelocity = {velocity}\n\
+         [time]\nstep = {step:?}\nallow_unstable = true\n"
+    ))
+}
+
+const ALL: &str = "xx = { rate = 0.4 }\nyy = { rate = -0.3 }\nzz = { rate = 0.2 }\nxy = { rate = -3.0 }\nxz = { rate = 2.0 }\nyz = { rate = 1.5 }";
+
+/// The part of each carried edge at which a particle is, without periods.
+fn parts(sim: &Simulation, slot: usize) -> Vec3 {
+    let Simulation { particles, .. } = sim;
+    let place = particles.cell.unwrapped(particles.position[slot], &particles.image[slot]);
+    let edges = particles.cell.strained().expect("a strained cell").edges;
+    edges.try_inverse().unwrap() * (place - particles.cell.corners().0)
+}
+
+/// Grains that rest against the flow go with the edges, through many choices of edges and faces.
+#[test]
+fn free_grains_keep_their_parts_of_the_edges() {
+    let mut sim = begun(&cloud(ALL, "[0.0, 0.0, 0.0]", 1e-4), &mut Alone::default());
+    let count = sim.particles.owned;
+    let id = |sim: &Simulation, slot: usize| sim.particles.id[slot].0;
+    let before: BTreeMap<u64, Vec3> =
+        (0..count).map(|slot| (id(&sim, slot), parts(&sim, slot))).collect();
+    for _ in 0..10_000 {
+        sim.step(&mut Alone::default()).unwrap();
+    }
+    assert!(sim.particles.velocity.iter().all(|v| *v == Vec3::zeros()));
+    for slot in 0..count {
+        let error = (parts(&sim, slot) - before[&id(&sim, slot)]).norm();
+        assert!(error < 1e-11, "slot {slot}: {error:e}");
+    }
+    let strained = sim.particles.cell.strained().unwrap();
+    assert!((strained.strain.m12 - 3.0).abs() < 1e-9, "{}", strained.strain);
+    assert!(sim.particles.image.iter().take(count).any(|image| image[0].abs() > 1));
+}
+
+/// `v = exp(-L t) v0` of free grains, and their energy, to second order in the step.
+#[test]
+fn free_grains_slow_down_as_the_flow_says() {
+    let simple = "xy = { rate = -3.0 }\nzz = { rate = 0.5 }";
+    let errors = [2e-4, 1e-4].map(|step: f64| {
+        let mut sim = begun(&cloud(simple, "[0.01, 0.02, 0.03]", step), &mut Alone::default());
+        for _ in 0..(0.2 / step).round() as usize {
+            sim.step(&mut Alone::default()).unwrap();
+        }
+        let expected = Vec3::new(0.01 - 3.0 * 0.2 * 0.02, 0.02, 0.03 * (0.5_f64 * 0.2).exp());
+        let measures = sim.measure(&mut Alone::default());
+        assert!(measures.missing().abs() < 1e-12 * measures.kinetic(), "{}", measures.missing());
+        (sim.particles.velocity[0] - expected).norm() / expected.norm()
+    });
+    assert!(errors[0] < 1e-6 && (3.5..4.5).contains(&(errors[0] / errors[1])), "{errors:?}");
+}
+
+/// Grains that strike each other, of a shape and a material: two lattices in each other's gaps, with so many cells of 3.1 mm along each
+/// axis.
+fn crowd(domain: &str, shape: &str, material: &str, count: u32, step: f64) -> String {
+    let spacing = 3.1e-3;
+    let side = spacing * f64::from(count);
+    let half = |first: f64, velocity: f64| {
+        format!(
+            "[[fill.lattice]]\nfirst = [{first:?}, {first:?}, {first:?}]\ncount = [{count}, {count}, {count}]\nspacing = {spacing:?}\n\
+             jitter = 1e-5\nvelocity = [0.0, {:?}, {velocity:?}]\n",
+            0.2 * velocity
+        )
+    };
+    format!(
+        "[domain]\nlow = [0, 0, 0]\nhigh = [{side:?}, {side:?}, {side:?}]\nperiodic = [true, true, true]\n{domain}\n\
+         [[material]]\nname = \"grain\"\ndensity = 2600.0\nnormal_stiffness = 2e4\ntangential_stiffness = 1.5e4\n{material}\n\
+         [[shape]]\nname = \"grain\"\n{shape}\n{}{}[time]\nstep = {step:?}\n",
+        half(0.25 * spacing, 0.3),
+        half(0.75 * spacing, -0.3)
+    )
+}
+
+const BALL: &str = "kind = \"sphere\"\nradius = 0.0012\nsize = { uniform = [0.9, 1.1] }";
+const EGG: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.00135, 0.0012, 0.0009]";
+const ROUGH: &str = "friction = 0.4\nrestitution = 0.4";
+
+/// Simple shear at a fixed volume is that of images that slide: two ways to write one motion, of which the difference falls with the
+/// square of the step.
+#[test]
+fn simple_shear_is_that_of_sliding_images() {
+    let differences = [2e-6, 1e-6].map(|step: f64| {
+        let [slides, strained] = [
+            "shear = { along = \"x\", across = \"y\", rate = 60.0 }",
+            "[cell]\nxy = { rate = -60.0 }",
+        ]
+        .map(|domain| {
+            let text = crowd(domain, BALL, "", 4, step);
+            let mut sim = begun(&scene(&text), &mut Alone::default());
+            for _ in 0..(4e-4 / step).round() as usize {
+                sim.step(&mut Alone::default()).unwrap();
+            }
+            assert!(sim.contacts.iter().count() > 8, "{}", sim.contacts.iter().count());
+            stress(&sim)
+        });
+        let size = slides.iter().fold(0.0_f64, |most, stress| most.max(stress.abs()));
+        (0..6).map(|k| (slides[k] - strained[k]).abs()).fold(0.0, f64::max) / size
+    });
+    println!("{differences:?}");
+    assert!(differences[0] < 1e-4 && differences[1] < 0.5 * differences[0], "{differences:?}");
+}
+
+/// Compressed to a stress, then sheared under it, through more than one choice of edges.
+fn pressed(shape: &str) -> [String; 2] {
+    let compressed = "[cell]\nisotropic = { stress = 2e4 }\nmax_rate = 20.0";
+    let sheared = "[cell]\nxx = { rate = 0.0 }\nyy = { stress = 2e4 }\nzz = { rate = 0.0 }\nxy = { rate = -20.0 }\nmax_rate = 20.0";
+    [compressed, sheared].map(|cell| crowd(cell, shape, ROUGH, 5, 3e-6))
+}
+
+/// The stress reaches its target and stays there; what the cell gives is stored, moves or is dissipated.
+#[test]
+fn a_packing_takes_its_stress_and_loses_no_energy() {
+    for (shape, most) in [(BALL, 1e-5), (EGG, 1e-4)] {
+        let [first, second] = pressed(shape).map(|text| scene(&text));
+        let mut comm = Alone::default();
+        let mut sim = begun(&first, &mut comm);
+        for _ in 0..30_000 {
+            sim.step(&mut comm).unwrap();
+        }
+        let outcome = |sim: &Simulation| {
+            let element = sim.drives.iter().find(|drive| drive.name() == "cell").unwrap();
+            element.outcome(&[], false)
+        };
+        let kept = outcome(&sim).kept;
+        println!("{kept:?}");
+        assert!(kept[0].mean_error < 1e-3, "{kept:?}");
+        let [x, y, z, ..] = stress(&sim);
+        close((x + y + z) / 3.0, 2e4, 2e-3, "mean stress");
+        let measures = sim.measure(&mut comm);
+        let missing = measures.missing() / measures.dissipated;
+        println!("compression: {missing:e} of {:e} J is missing", measures.dissipated);
+        assert!(missing.abs() < most, "{missing:e}");
+
+        let folder = tempfile::tempdir().unwrap();
+        save(&sim, folder.path(), &first, &mut comm);
+        let mut sim = assemble::assemble(&second, &comm);
+        assemble::take_up(&mut sim, &second, folder.path(), Continuation::NewStage, &mut comm)
+            .unwrap();
+        sim.begin(&mut comm).unwrap();
+        for _ in 0..20_000 {
+            sim.step(&mut comm).unwrap();
+        }
+        let kept = outcome(&sim).kept;
+        println!("{kept:?}");
+        assert!((kept[0].mean / 2e4 - 1.0).abs() < 0.01, "{kept:?}");
+        let measures = sim.measure(&mut comm);
+        let strained = sim.particles.cell.strained().unwrap();
+        assert!(strained.strain.m12 > 1.15 && strained.edges.m12 / strained.edges.m11 > 0.6);
+        let missing = measures.missing() / measures.dissipated;
+        println!("shear: {missing:e} of {:e} J is missing", measures.dissipated);
+        assert!(missing.abs() < most && measures.dissipated > 0.0, "{missing:e}");
+        // Against the flow: shear that does work is positive.
+        assert!(stress(&sim)[3] < -1e3, "{:?}", stress(&sim));
+    }
+}
+
+/// All six at once, and zero among them.
+#[test]
+fn all_six_stresses_are_reached() {
+    let cell = "[cell]\nxx = { stress = 3e4 }\nyy = { stress = 2e4 }\nzz = { stress = 2e4 }\nxy = { stress = 3e3 }\nxz = { stress = 0 }\n\
+                yz = { stress = -2e3 }\nmax_rate = 20.0\nramp = 0.02";
+    let text = crowd(cell, BALL, ROUGH, 5, 3e-6);
+    let mut sim = begun(&scene(&text), &mut Alone::default());
+    for _ in 0..30_000 {
+        sim.step(&mut Alone::default()).unwrap();
+    }
+    let element = sim.drives.iter().find(|drive| drive.name() == "cell").unwrap();
+    let kept = element.outcome(&[], false).kept;
+    println!("{kept:#?}");
+    assert_eq!(kept.len(), 6);
+    for one in kept {
+        assert!(one.mean_error < 1e-3, "{one:?}");
+    }
+}
+
+/// Through a choice of other edges and targets of stress.
+#[test]
+fn a_strained_cell_is_the_same_on_any_number_of_ranks_and_over_restarts() {
+    let cell = "[cell]\nxx = { stress = 2e4 }\nyy = { stress = 2e4 }\nzz = { stress = 2e4 }\nxy = { rate = -150.0 }\nxz = { stress = 0.0 }\n\
+                yz = { rate = 70.0 }\nmax_rate = 50.0";
+    for shape in [BALL, EGG] {
+        let text = crowd(cell, shape, ROUGH, 4, 3e-6);
+        let scene = scene(&(text + "[neighbours]\nimbalance = 1.02\norder_every = 300\n"));
+        let alone = OnRanks::of(&scene).the_same_on(2600, &[2, 3, 4], &[[3, 2], [1, 4]]);
+        assert!(alone.number("contacts") > 50.0);
+        let mut sim = begun(&scene, &mut Alone::default());
+        for _ in 0..2600 {
+            sim.step(&mut Alone::default()).unwrap();
+        }
+        let edges = sim.particles.cell.strained().unwrap().edges;
+        assert!(edges.m12 / edges.m11 > 0.6 && edges.m23 / edges.m22 < -0.3, "{edges}");
+    }
+}
+
+/// Images of a cell that leans are those of its edges, whichever are chosen.
+#[test]
+fn images_of_a_leaning_cell_are_nearest() {
+    let square = Cell::new(Vec3::new(-1.0, 0.5, 2.0), Vec3::new(3.0, 3.5, 7.0), [true; 3]);
+    let mut cell = square.at_rest().expect("all axes repeat");
+    let rate = Mat3::new(0.03, 0.9, -0.7, 0.0, -0.02, 0.5, 0.0, 0.0, 0.01);
+    cell.set_rate(&rate);
+    for step in 0..300 {
+        let stretch = cell.carry(0.013, 1.0).expect("a flow");
+        let (edges, sides) = (cell.edges(), cell.sides());
+        assert!(edges.m12.abs() <= 0.5 * edges.m11 * (1.0 + 1e-12));
+        assert!(cell.widths().min() > 2.0 && (stretch.rate - rate).norm() == 0.0);
+        let Strained { edges: carried, .. } = *cell.strained().unwrap();
+        assert!((edges.determinant() / carried.determinant() - 1.0).abs() < 1e-12);
+        let turn = f64::from(step);
+        let part = |by: f64| (turn * by).fract();
+        let low = cell.corners().0;
+        let place = low + Vec3::new(part(0.37), part(0.71), part(0.53)).component_mul(&sides);
+        for shift in
+            [Vec3::new(0.9, -0.4, 0.1), Vec3::new(-0.6, -0.7, 0.3), Vec3::new(0.2, 0.1, -0.9)]
+        {
+            let (mut other, mut velocity, mut image) = (place + shift, Vec3::zeros(), [0; 3]);
+            let out = other;
+            cell.wrap(&mut other, &mut velocity, &mut image);
+            let inside = (other - low).component_div(&sides);
+            assert!(inside.min() >= -1e-12 && inside.max() <= 1.0 + 1e-12, "{inside}");
+            assert!((cell.nearest(other - place) - shift).norm() < 1e-12, "step {step}");
+            assert!((cell.unwrapped(other, &image) - out).norm() < 1e-11, "step {step}");
+            let images = cell.shifts().into_iter().map(|by| (other + by - place).norm());
+            assert!((images.fold(f64::INFINITY, f64::min) - shift.norm()).abs() < 1e-12);
+            let gap = cell.gap([&place, &place], [&other, &other]);
+            assert!((gap - shift.norm()).abs() < 1e-12, "{gap}");
+            let faster = cell.velocity_of_nearest(&(other - place)) - rate * shift;
+            assert!(faster.norm() < 1e-12, "{faster}");
+            let [one, two] = [place, other].map(|place| cell.in_upright(&place));
+            let apart = cell.upright().unwrap().nearest(one - two).norm();
+            assert!(apart <= cell.upright_over_distance() * shift.norm() * (1.0 + 1e-12));
+        }
+    }
+}
+
+#[test]
+fn what_does_not_go_with_a_cell_is_refused() {
+    let good = crowd(
+        "[cell]\nxx = { rate = 0.1 }\nyy = { stress = 1e3 }\nmax_rate = 1.0",
+        BALL,
+        ROUGH,
+        4,
+        4e-6,
+    );
+    scene(&good);
+    for (from, to, said) in [
+        ("[true, true, true]", "[true, true, false]", "periodic along x, y and z"),
+        (
+            "periodic =",
+            "shear = { along = \"x\", across = \"y\", rate = 1.0 }\nperiodic =",
+            "without `shear`",
+        ),
+        ("[domain]", "gravity = [0, 0, -9.81]\n[domain]", "must be 0 with a [cell]"),
+        ("max_rate = 1.0", "", "needs `max_rate`"),
+        (
+            "max_rate = 1.0",
+            "max_rate = 1.0\nisotropic = { stress = 1.0 }",
+            "leave out `xx`, `yy` and `zz`",
+        ),
+        ("max_rate = 1.0", "max_rate = 1.0\nplane_strain = \"x\"", "leave out `xx`"),
+        (
+            "max_rate = 1.0",
+            "max_rate = 1.0\nzz = { rate = 0 }\nconstant_volume = true",
+            "no component is left",
+        ),
+        ("{ rate = 0.1 }", "{ rate = 0.1, stress = 1.0 }", "either `rate` or `stress`"),
+        ("{ rate = 0.1 }", "{ rate = 1e3 }", "in a step"),
+        ("yy = { stress = 1e3 }\nmax_rate = 1.0", "max_rate = 1.0", "nothing has a `stress`"),
+        ("[time]", "[stop]\nservo = 0.1\n[time]", "there is no [[servo]]"),
+        (
+            "yy = { stress = 1e3 }\nmax_rate = 1.0",
+            "yy = { rate = 100.0 }\n[stop]\ncell = 0.1",
+            "no [cell] with a stress",
+        ),
+        (
+            "[time]",
+            "[[wall]]\nname = \"w\"\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\n[time]",
+            "not together with walls",
+        ),
+    ] {
+        expect_refused(&good, from, to, said);
+    }
+    // The way of given rates is known before.
+    let thin = crowd("[cell]\nzz = { rate = 100.0 }", BALL, ROUGH, 4, 4e-6) + "duration = 0.02\n";
+    expect_refused(&thin, "[time]", "[time]", "strained by zz = ");
+}
+
+/// A cell that a stress makes too thin ends the run, and says where it was; a stage without [cell] cannot go on from a strained one.
+#[test]
+fn a_cell_that_becomes_too_thin_ends_the_run() {
+    let cell = "[cell]\nzz = { stress = 1e9 }\nmax_rate = 100.0";
+    let text = crowd(cell, "kind = \"sphere\"\nradius = 4e-4", ROUGH, 4, 1e-6)
+        + "[neighbours]\nskin = 2e-3\n";
+    let first = scene(&text);
+    let mut sim = begun(&first, &mut Alone::default());
+    let folder = tempfile::tempdir().unwrap();
+    save(&sim, folder.path(), &first, &mut Alone::default());
+    let plain = scene(&text.replace(cell, ""));
+    let mut other = assemble::assemble(&plain, &Alone::default());
+    let error = assemble::take_up(
+        &mut other,
+        &plain,
+        folder.path(),
+        Continuation::NewStage,
+        &mut Alone::default(),
+    );
+    assert!(matches!(error, Err(StartError::Strained { .. })));
+    let error = loop {
+        if let Err(error) = sim.step(&mut Alone::default()) {
+            break error.to_string();
+        }
+    };
+    assert!(error.contains("m wide across z, at strains"), "{error}");
+}
