@@ -166,7 +166,7 @@ fn put_together(
     }
 }
 
-/// Which of the pieces with these first rows has a row.
+/// The number of the piece, by the first rows of pieces, to which a row belongs.
 fn posed_of(firsts: &[usize], row: usize) -> usize {
     firsts.partition_point(|&first| first <= row) - 1
 }

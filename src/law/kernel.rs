@@ -417,7 +417,7 @@ impl<M: Model> Law<M> {
         self.of_shares(Pair { a, b }, particles, 1.0)
     }
 
-    /// The same of so much of their masses.
+    /// Constants of two bodies with so much of their masses.
     fn of_shares(&self, Pair { a, b }: Pair, particles: &Particles, share: f64) -> OfPair<M> {
         let [a, b] = [a, b].map(|slot| {
             let scale = particles.scale_of(slot.index());

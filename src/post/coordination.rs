@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 pub struct CoordinationCount {
     /// Contacts with particles, and with walls and held particles, by id.
     contacts: Vec<[u32; 2]>,
-    /// Those of two bodies stand side by side.
+    /// Bodies of the last contact: several contacts of two bodies stand side by side.
     last: Option<(GlobalId, GlobalId)>,
 }
 

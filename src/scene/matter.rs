@@ -24,7 +24,7 @@ pub(super) struct Names {
     pub(super) all: Vec<String>,
     /// The first of each name.
     indices: HashMap<String, usize>,
-    /// Which are pieces of others, so that nothing is meant by them unless they are named.
+    /// Entries that are pieces of others: they are meant only where they are named.
     pieces: BTreeSet<usize>,
 }
 

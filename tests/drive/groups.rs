@@ -696,7 +696,7 @@ fn mistakes_in_groups_are_told() {
         (
             "high = [10, 10, 10]",
             "high = [10, 10, 10]\nperiodic = [true, true, true]\nshear = { along = \"x\", across = \"z\", rate = 1 }",
-            "against the flow of a sheared domain",
+            "against the flow of a sheared or strained domain",
         ),
     ] {
         expect_refused(&good, from, to, said);

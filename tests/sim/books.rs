@@ -72,7 +72,9 @@ fn walls_do_the_work_of_their_forces() {
         );
         let (_, [work, received]) = after(&cloud, &keys, Vec3::zeros(), spin);
         assert!(cloud.law == Law::Jkr || work.abs() > 1e-7, "{case}: {work:e}");
-        close(received, work, 1e-7, &format!("{case}, turned"));
+        // Pieces move on arcs, of which a step takes the chord.
+        let most = if cloud.shape.contains("union") { 1e-6 } else { 1e-7 };
+        close(received, work, most, &format!("{case}, turned"));
     }
 }
 

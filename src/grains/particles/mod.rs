@@ -135,7 +135,7 @@ pub struct Particles {
     pub groups: Vec<Group>,
     /// Of their facets.
     pub facets: FacetColumns,
-    /// Of pieces of unions.
+    /// Columns of pieces of unions.
     pub pieces: PieceColumns,
     /// The facets of meshes that have slots, those near the owned particles when the pairs were listed, in rising order.
     pub near_facets: Vec<GlobalId>,

@@ -41,7 +41,7 @@ pub struct Library {
     pub particle_shapes: usize,
     /// How many of those are of held particles: the last, copies of the others in their order ([`Library::add_held`]).
     pub held_shapes: usize,
-    /// Of the next ones, which are pieces: the shape of the body, and the number of the piece in it. The rest are facets of walls.
+    /// Shape of the body and number of the piece, of the next shapes, which are pieces. The rest are facets of walls.
     pub pieces: Vec<(ShapeId, u16)>,
 }
 

@@ -140,8 +140,8 @@ impl PairList {
             let mut start = part.start;
             while start < part.end {
                 let mut end = part.end.min(start + length);
-                // What a particle has with walls stands in one stretch: facets of a wall share it. So does what a body of
-                // pieces has with others.
+                // Pairs of a particle with walls stand in one stretch: facets of a wall share them. So do those of a body of
+                // pieces with others.
                 while (start >= with_walls || has_pieces)
                     && end < part.end
                     && first_body(self.pairs[end]) == first_body(self.pairs[end - 1])

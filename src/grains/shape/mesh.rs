@@ -110,7 +110,7 @@ pub fn triangles(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
 /// Triangles of a part of a file, under its name.
 pub type Group = (String, Vec<[Vec3; 3]>);
 
-/// The same of each object or group of an OBJ, with its name; of other files all are one.
+/// Triangles of each object or group of an OBJ, with its name; of other files all are one.
 ///
 /// # Errors
 /// If the file cannot be read.

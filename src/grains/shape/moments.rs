@@ -49,7 +49,7 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Of nothing.
+    /// Moments of nothing.
     pub(super) fn none(origin: Vec3) -> Self {
         Self { volume: 0.0, first: Vec3::zeros(), second: Mat3::zeros(), origin }
     }
@@ -61,7 +61,7 @@ impl Moments {
         self.second += other.second * sign;
     }
 
-    /// Of what a closed surface of triangles holds, whose fronts face outwards.
+    /// Moments of the body in a closed surface of triangles, whose fronts face outwards.
     pub fn of_surface(triangles: &[[Vec3; 3]]) -> Self {
         let corners = triangles.as_flattened();
         let origin = corners.iter().sum::<Vec3>() / corners.len() as f64;
@@ -77,7 +77,7 @@ impl Moments {
         self.volume
     }
 
-    /// Of a cut polyhedron whose vertices are seen from the origin.
+    /// Moments of a cut polyhedron whose vertices are seen from the origin.
     pub(super) fn of_cut(body: &Clipped, origin: &Vec3) -> Self {
         let mut sum = Self::none(*origin);
         for face in body.faces() {

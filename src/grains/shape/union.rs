@@ -84,7 +84,7 @@ struct Stored {
     gyration: Vec3,
     bounding_radius: f64,
     placement: Placement,
-    /// Of the volume, relative.
+    /// Relative error of the volume.
     error: f64,
     /// See [`Union::far`].
     far: f64,
@@ -119,7 +119,7 @@ impl Union {
     /// How many pieces a body has at most.
     pub const MOST: usize = 1 << 10;
 
-    /// Of pieces in any axes.
+    /// A body of pieces in any axes.
     ///
     /// # Errors
     /// If there is no piece, or too many, or one within another.
@@ -129,7 +129,7 @@ impl Union {
         Ok(Self::seen_from(&principal, pieces, error))
     }
 
-    /// Of pieces with faces that stand for what a closed surface of triangles holds, in the same axes. Mass and inertia are the surface's. Pieces within
+    /// A body whose pieces, all with faces, stand for the inside of a closed surface of triangles, in the same axes. Mass and inertia are the surface's. Pieces within
     /// others are left out.
     ///
     /// # Errors
@@ -273,7 +273,7 @@ impl Convex for Union {
         self.0.bounding_radius
     }
 
-    /// That of the thinnest piece.
+    /// The inscribed radius of the thinnest piece.
     fn inscribed_radius(&self) -> f64 {
         let radii = self.0.pieces.iter().map(|piece| piece.shape.inscribed_radius());
         radii.fold(f64::INFINITY, f64::min)

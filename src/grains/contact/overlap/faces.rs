@@ -93,7 +93,7 @@ pub(super) fn of_faces(a: &Posed, b: &Posed, r: &Vec3) -> Option<Thickness> {
     })
 }
 
-/// What two such bodies share, in the axes and with the unit of length of A.
+/// The polyhedron that two such bodies share, in the axes and with the unit of length of A.
 pub(super) fn shared(a: &Posed, b: &Posed, r: &Vec3) -> Option<Clipped> {
     SCRATCH.with_borrow_mut(|scratch| {
         scratch.share(a, b, r)?;

@@ -94,7 +94,7 @@ impl ContactResolver for Overlap {
     }
 }
 
-/// What a law and a resolver's caller know of a contact.
+/// A contact as laws see it.
 pub fn contact_of(found: &Thickness) -> (Touch, Patch) {
     (touch(found), patch(found))
 }

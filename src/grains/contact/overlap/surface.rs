@@ -122,7 +122,7 @@ pub fn thickness_on_surface(a: &Posed, b: &Posed, r: &Vec3) -> Vec<(u32, Thickne
 /// A cell by its triangle, and on which side of that it is.
 type Behind = (u32, Front);
 
-/// What a body with faces shares with each cell of a surface.
+/// The volumes that a body with faces shares with cells of a surface.
 pub(super) fn cells_of(seen: &Seen) -> Vec<(Behind, Clipped)> {
     SCRATCH.with_borrow_mut(|scratch| {
         scratch.spare.extend(scratch.cells.drain(..).map(|cell| cell.shared));

@@ -25,7 +25,7 @@ use super::thickness::{THIN, Thickness};
 use crate::math::{Mat3, Vec3};
 use crate::shape::clip::{Clipped, Face};
 
-/// What two bodies share in one place, as a body that was cut: its own facets are those of the first.
+/// A volume that two bodies share, as a body that was cut: its own facets are those of the first.
 pub(super) struct Lump<'a> {
     shared: &'a Clipped,
     /// From its axes and unit of length to those of all lumps.
@@ -166,7 +166,7 @@ impl Wrench {
     }
 }
 
-/// Of one lump or of several, about the origin of their contact.
+/// Moments of one lump or of several, about the origin of their contact.
 #[derive(Clone, Copy)]
 struct Moments {
     volume: f64,
@@ -194,7 +194,7 @@ impl Moments {
         Self { volume: 0.0, first: Vec3::zeros(), second: Mat3::zeros() }
     }
 
-    /// Of a polyhedron, in axes that are columns, about an origin.
+    /// Moments of a polyhedron, in axes that are columns, about an origin.
     fn of(lump: &Lump, axes: &Mat3, origin: &Vec3) -> Self {
         let place = |k: usize| axes.tr_mul(&(lump.at(k) - origin));
         let (mut volume, mut first, mut second) = (0.0, Vec3::zeros(), Mat3::zeros());

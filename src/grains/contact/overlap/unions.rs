@@ -13,7 +13,7 @@ use crate::shape::clip::Clipped;
 /// A piece of a body and another body, or a piece of it, or a wall.
 #[derive(Clone, Copy, Debug)]
 pub struct PairOfPieces<'a> {
-    /// That of the first body.
+    /// The piece of the first body.
     pub a: Posed<'a>,
     /// The other.
     pub b: Posed<'a>,
@@ -51,7 +51,7 @@ pub fn thickness_of_pieces(
     contacts(pairs, &all, |i, j| oneness(all[i].pair, all[j].pair))
 }
 
-/// The same of a body and a wall of triangles with cells, of one pair for each piece, whatever the facet.
+/// Contacts of a body and a wall of triangles with cells: one pair for each piece, whatever the facet.
 pub fn thickness_of_pieces_on_surface(
     pairs: &[PairOfPieces],
     oneness: impl Fn(usize, usize) -> f64,

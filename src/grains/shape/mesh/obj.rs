@@ -5,7 +5,7 @@ use crate::math::Vec3;
 use crate::text;
 use std::borrow::Cow;
 
-/// Those of each object or group.
+/// Triangles of each object or group.
 pub(super) fn groups(bytes: &[u8]) -> Result<Vec<Group>, MeshError> {
     let text = text::lossy(bytes);
     let mut corners: Vec<Vec3> = Vec::new();

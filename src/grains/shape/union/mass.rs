@@ -15,7 +15,7 @@ use crate::shape::moments::{Moments, Principal};
 use crate::shape::{Ellipsoid, Shape};
 use std::f64::consts::PI;
 
-/// What two polyhedra share is nothing if it is less than this part of the smaller one.
+/// A volume that two polyhedra share is nothing if it is less than this part of the smaller one.
 const SLIVER: f64 = 1e-12;
 /// Lines along each side of the grid.
 const LINES: usize = 256;
@@ -121,7 +121,7 @@ fn exclude(
     }
 }
 
-/// Of its faces, seen from an origin.
+/// Planes of its faces, seen from an origin.
 fn planes_of(piece: &Piece, origin: &Vec3) -> Vec<Plane> {
     let at = piece.centre - origin;
     let place = |plane: &Plane| {
@@ -141,7 +141,7 @@ fn balls_in_twos(pieces: &[Piece], touching: &[[usize; 2]]) -> Option<Vec<[usize
     (all_balls && !touching.iter().any(is_in_three)).then(|| touching.to_vec())
 }
 
-/// What two balls share: a cap of each.
+/// The lens of two balls: a cap of each.
 fn lens(pieces: &[Piece], [one, other]: [usize; 2], origin: &Vec3) -> Result<Moments, UnionError> {
     let way = pieces[other].centre - pieces[one].centre;
     let distance = way.norm();
@@ -158,7 +158,7 @@ fn lens(pieces: &[Piece], [one, other]: [usize; 2], origin: &Vec3) -> Result<Mom
     Ok(sum)
 }
 
-/// What of a ball of radius `r` lies beyond a plane at this distance from its centre, along an axis [m].
+/// The cap of a ball of radius `r` beyond a plane at this distance from its centre, along an axis [m].
 fn cap(r: f64, from: f64, axis: &Vec3, centre: &Vec3, origin: &Vec3) -> Moments {
     // ∫ zⁿ dz from the plane to the pole.
     let power = |n: i32| (r.powi(n + 1) - from.powi(n + 1)) / f64::from(n + 1);
