@@ -11,7 +11,7 @@ use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 
-const FOLDERS: [&str; 11] = [
+const FOLDERS: [&str; 12] = [
     "heap",
     "mixture",
     "shear",
@@ -23,6 +23,7 @@ const FOLDERS: [&str; 11] = [
     "drum",
     "silo",
     "groups",
+    "jacks",
 ];
 
 /// The stages before have not been run, and need not have been.
