@@ -29,6 +29,8 @@ pub struct Library {
     pub curvature_radius: Vec<f64>,
     /// Mass [kg].
     pub mass: Vec<f64>,
+    /// Mass as contacts feel it: infinite of held particles [kg].
+    pub mass_felt: Vec<f64>,
     /// Principal moments of inertia [kg m²].
     pub inertia: Vec<Vec3>,
     /// How the sizes of new particles are distributed.
@@ -73,6 +75,7 @@ impl Library {
             (f64::INFINITY, Vec3::repeat(f64::INFINITY))
         };
         self.mass.push(mass);
+        self.mass_felt.push(mass);
         self.inertia.push(inertia);
         self.radius.push(shape.bounding_radius());
         self.curvature_radius.push(shape.smallest_curvature_radius());
@@ -94,7 +97,8 @@ impl Library {
             for (number, shape) in pieces.into_iter().enumerate() {
                 let name = format!("{}, piece {}", self.names[of], number + 1);
                 let id = self.push(&name, shape, self.materials[of], 0.0);
-                self.mass[id.index()] = self.mass_in_contacts(ShapeId(of as u16), 1.0);
+                self.mass[id.index()] = self.mass[of];
+                self.mass_felt[id.index()] = self.mass_felt[of];
                 self.inertia[id.index()] = self.inertia[of];
                 self.pieces.push((ShapeId(of as u16), number as u16));
             }
@@ -165,6 +169,7 @@ impl Library {
         self.radius.extend_from_within(..own);
         self.curvature_radius.extend_from_within(..own);
         self.mass.extend_from_within(..own);
+        self.mass_felt.resize(2 * own, f64::INFINITY);
         self.inertia.extend_from_within(..own);
         self.sizes.extend_from_within(..own);
         self.scales.extend_from_within(..own);
@@ -207,7 +212,7 @@ impl Library {
     /// Mass of a particle as its contacts feel it: infinite if it is held [kg].
     #[inline]
     pub fn mass_in_contacts(&self, shape: ShapeId, scale: f64) -> f64 {
-        if self.is_held(shape) { f64::INFINITY } else { self.mass_at(shape, scale) }
+        self.mass_felt[shape.index()] * of_mass(scale)
     }
 
     /// May a particle have another size than its shape?

@@ -343,12 +343,14 @@ impl Wall {
         for facet in &mut self.facets {
             let shape = Shape::HalfSpace(facet.geometry);
             facet.shape = library.push(&self.name, shape, material, f64::INFINITY);
-            library.mass[facet.shape.index()] = mass_against(facet.geometry.normal.dot(&along));
+            library.mass_felt[facet.shape.index()] =
+                mass_against(facet.geometry.normal.dot(&along));
         }
         if let Some(mesh) = &mut self.mesh {
             let shape = Shape::TriangleMesh(mesh.surface.clone());
             mesh.shape = library.push(&self.name, shape, material, f64::INFINITY);
-            library.mass[mesh.shape.index()] = mass_against(mesh.surface.most_along(&along));
+            let felt = mass_against(mesh.surface.most_along(&along));
+            library.mass_felt[mesh.shape.index()] = felt;
         }
     }
 
