@@ -1,6 +1,6 @@
 //! A body of convex pieces: any form, concave or of several lumps.
 //!
-//! Pieces may touch and overlap. Volume, centre and moments of inertia are those of the points that any piece holds ([`mass`]).
+//! Pieces may touch and overlap. Volume, centre and moments of inertia are those of the points that any piece holds.
 //!
 //! A union has no contacts of its own. Its pieces do ([`crate::particles::pieces`]), and those that are one place of the body make one
 //! contact. How far two pieces are one is a number of the body ([`Union::oneness`]): 1 where all that lies between their points is in the
