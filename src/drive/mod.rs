@@ -45,7 +45,7 @@
 //! }
 //!
 //! impl Shaker {
-//!     fn place(&self, time: f64) -> f64 {
+//!     fn height(&self, time: f64) -> f64 {
 //!         self.amplitude * (TAU * self.frequency * time).sin()
 //!     }
 //! }
@@ -61,7 +61,7 @@
 //! impl Drive for Shaker {
 //!     fn steer(&mut self, Steering { moment, walls, .. }: Steering) -> Result<(), DriveError> {
 //!         let Moment { time, dt, .. } = moment;
-//!         let speed = (self.place(time + dt) - self.place(time)) / dt;
+//!         let speed = (self.height(time + dt) - self.height(time)) / dt;
 //!         for wall in walls.iter_mut().filter(|wall| wall.name == self.wall) {
 //!             wall.velocity = wall.velocity_inwards(speed);
 //!         }

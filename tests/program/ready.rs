@@ -11,7 +11,7 @@ use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 
-const FOLDERS: [&str; 12] = [
+const FOLDERS: [&str; 11] = [
     "heap",
     "mixture",
     "shear",
@@ -23,7 +23,6 @@ const FOLDERS: [&str; 12] = [
     "drum",
     "silo",
     "groups",
-    "jacks",
 ];
 
 /// The stages before have not been run, and need not have been.

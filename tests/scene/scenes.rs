@@ -316,8 +316,8 @@ fn every_key_arrives() {
     );
     // Held particles have shapes of their own.
     assert_eq!((library.particle_shapes, library.own_shapes()), (12, 6));
-    assert!(library.mass[12..19].iter().all(|&mass| mass == f64::INFINITY));
-    assert_eq!(library.mass[19], 0.2);
+    assert!(library.mass_felt[12..19].iter().all(|&mass| mass == f64::INFINITY));
+    assert_eq!(library.mass_felt[19], 0.2);
     assert!(library.inertia[12..].iter().all(|inertia| inertia.x == f64::INFINITY));
     let rice = library.shapes[3].semi_axes();
     assert!((rice.x / rice.y - 3.0).abs() < 1e-15 && rice.y == rice.z, "{rice}");
