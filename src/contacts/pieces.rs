@@ -17,7 +17,7 @@ use crate::shape::Shape;
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// Smooth pieces that are one to this part have one contact.
+/// Round pieces that are one to this part press as one.
 const ONE: f64 = 0.9;
 
 /// Has any pair of a stretch a piece?
@@ -29,19 +29,15 @@ fn has_piece(Pair { a, b }: Pair, particles: &Particles) -> bool {
     [a, b].into_iter().any(|slot| particles.body_of(slot) != slot)
 }
 
-/// Two bodies, or one and a wall or a facet of its own.
+/// Two bodies, or one and a wall ([`wall_or`]).
 type Bodies = (Slot, Slot);
 
 /// Rows of pairs with pieces, by their bodies: those of which there are several.
-fn by_bodies(
-    rows: impl Iterator<Item = (usize, Pair)>,
-    particles: &Particles,
-    of_wall: impl Fn(Slot) -> Slot,
-) -> Vec<Vec<usize>> {
+fn by_bodies(rows: impl Iterator<Item = (usize, Pair)>, particles: &Particles) -> Vec<Vec<usize>> {
     let mut all: BTreeMap<Bodies, Vec<usize>> = BTreeMap::new();
     for (row, pair) in rows.filter(|&(_, pair)| has_piece(pair, particles)) {
         let Pair { a, b } = pair;
-        let bodies = (particles.body_of(a), of_wall(particles.body_of(b)));
+        let bodies = (particles.body_of(a), wall_or(particles.body_of(b), particles));
         all.entry(bodies).or_default().push(row);
     }
     all.into_values().filter(|rows| rows.len() > 1).collect()
@@ -52,7 +48,7 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
     let of_rows: Vec<Pair> = touching.pair.iter().map(|&pair| pairs[pair as usize]).collect();
     let rows = of_rows.iter().copied().enumerate();
     let mut stays = vec![true; touching.len()];
-    for mut rows in by_bodies(rows, particles, |slot| wall_or(slot, particles)) {
+    for mut rows in by_bodies(rows, particles) {
         rows.sort_unstable_by_key(|&row| touching.pair[row]);
         let is_on_plane =
             |pair: Pair| matches!(particles.bodies().shape_of(pair.b), Shape::HalfSpace(_));
@@ -222,9 +218,7 @@ pub(super) fn shares(
     }
     shares.resize(pairs.len(), 1.0);
     let gain = |row: usize| if have_faces(pairs[row], particles) { 1.0 } else { patches[row].gain };
-    for rows in
-        by_bodies(pairs.iter().copied().enumerate(), particles, |slot| wall_or(slot, particles))
-    {
+    for rows in by_bodies(pairs.iter().copied().enumerate(), particles) {
         for &row in &rows {
             let own = &geometry[row];
             let like = |&other: &usize| {

@@ -688,7 +688,7 @@ impl Cell {
     #[inline]
     pub fn nearest(&self, mut difference: Vec3) -> Vec3 {
         if let Images::Carried(Carried { chosen, .. }) = &self.images {
-            // What the other edges have along the first may add up to a whole one.
+            // Parts of the other edges along the first may add up to a whole one.
             for axis in [2, 1, 0, 0] {
                 let faces = self.faces_between(difference[axis], axis);
                 difference -= chosen.column(axis) * faces;
