@@ -28,7 +28,7 @@ const SUMS: usize = COMPONENTS.len() + 3;
 #[derive(Clone, Debug)]
 pub struct Element {
     control: Control,
-    /// Components without a target keep their rates and their records.
+    /// States and records of components without a target stay as they are.
     states: [State; 6],
     records: [Record; 6],
     /// Has the stress been seen with which the stage begins?
