@@ -10,7 +10,7 @@
 //! upright box of the sides `H_xx`, `H_yy`, `H_zz`, which holds one image of each. Edges are chosen anew in each step so that their tilts
 //! are at most half of a side: by whole edges, from `H` alone, so the same on every rank.
 
-use crate::lanes::{Eight, Triple, WIDTH};
+use crate::lanes::{Eight, Triple};
 use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -99,6 +99,32 @@ impl Carried {
     fn midway(&self, now: &Vec3, parting: &Vec3) -> Vec3 {
         now - upper(&self.last_rate, &(now + parting)) * self.half
     }
+
+    /// The nearest images of differences between two places [m].
+    #[expect(clippy::inline_always, reason = "see `lanes`")]
+    #[inline(always)]
+    fn nearest_of<L: Eight>(&self, mut r: Triple<L>) -> Triple<L> {
+        // Parts of the other edges along the first may add up to a whole one.
+        for axis in [2, 1, 0, 0] {
+            let edge = self.chosen.column(axis);
+            let half = 0.5 * edge[axis];
+            let along = [r.x, r.y, r.z][axis];
+            let (above, below) = (L::all(half).less(along), along.less(L::all(-half)));
+            for (x, edge) in [&mut r.x, &mut r.y, &mut r.z].into_iter().zip(edge.iter()) {
+                let edge = L::all(*edge);
+                *x = (*x - edge).or((*x + edge).or(*x, below), above);
+            }
+        }
+        r
+    }
+
+    /// How much faster the flow was half a step ago over these differences in place [m], between bodies that part beside it [m/s].
+    #[expect(clippy::inline_always, reason = "see `lanes`")]
+    #[inline(always)]
+    fn faster_midway<L: Eight>(&self, r: Triple<L>, parting: Triple<L>) -> Triple<L> {
+        let now = upper_of(&self.last_rate, r);
+        now.minus(upper_of(&self.last_rate, now.plus(parting)).times(L::all(self.half)))
+    }
 }
 
 /// Change of places in a step of a flow.
@@ -116,11 +142,15 @@ fn upper(m: &Mat3, r: &Vec3) -> Vec3 {
     Vec3::new(m.m11 * r.x + m.m12 * r.y + m.m13 * r.z, m.m22 * r.y + m.m23 * r.z, m.m33 * r.z)
 }
 
-/// Three columns in lanes.
+/// [`upper`] in lanes.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
-fn loaded<L: Eight>([x, y, z]: &[[f64; WIDTH]; 3]) -> Triple<L> {
-    Triple { x: L::load(x), y: L::load(y), z: L::load(z) }
+fn upper_of<L: Eight>(m: &Mat3, r: Triple<L>) -> Triple<L> {
+    Triple {
+        x: L::all(m.m11) * r.x + L::all(m.m12) * r.y + L::all(m.m13) * r.z,
+        y: L::all(m.m22) * r.y + L::all(m.m23) * r.z,
+        z: L::all(m.m33) * r.z,
+    }
 }
 
 /// The inverse of an upper triangular matrix.
@@ -645,8 +675,8 @@ impl Cell {
         let across = match &self.images {
             Images::Square => return Triple::zero(),
             Images::Slide(sliding) => sliding.shear.across,
-            Images::Carried(_) => {
-                return loaded(&self.midway_of_rows(&difference.store(), &parting.store()));
+            Images::Carried(carried) => {
+                return carried.faster_midway(carried.nearest_of(difference), parting);
             }
         };
         let Triple { x, y, z } = difference;
@@ -715,8 +745,8 @@ impl Cell {
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     pub fn nearest_of<L: Eight>(&self, mut r: Triple<L>) -> Triple<L> {
-        if let Images::Carried(_) = &self.images {
-            return loaded(&self.nearest_of_rows(&r.store()));
+        if let Images::Carried(carried) = &self.images {
+            return carried.nearest_of(r);
         }
         if let Images::Slide(Sliding { shear: Shear { along, across, .. }, offset, .. }) =
             self.images
@@ -739,33 +769,6 @@ impl Cell {
             }
         }
         r
-    }
-
-    /// [`Self::nearest`] of eight differences. Apart, so that kernels stay small enough for the compiler.
-    #[inline(never)]
-    fn nearest_of_rows(&self, differences: &[[f64; WIDTH]; 3]) -> [[f64; WIDTH]; 3] {
-        let mut nearest = [[0.0; WIDTH]; 3];
-        for lane in 0..WIDTH {
-            let r = self.nearest(differences.map(|column| column[lane]).into());
-            nearest.iter_mut().zip(r.iter()).for_each(|(column, x)| column[lane] = *x);
-        }
-        nearest
-    }
-
-    /// [`Self::velocity_of_nearest_midway`] of eight differences in position and velocity.
-    #[inline(never)]
-    fn midway_of_rows(
-        &self,
-        differences: &[[f64; WIDTH]; 3],
-        parting: &[[f64; WIDTH]; 3],
-    ) -> [[f64; WIDTH]; 3] {
-        let mut velocities = [[0.0; WIDTH]; 3];
-        for lane in 0..WIDTH {
-            let [r, parting] = [differences, parting].map(|rows| rows.map(|column| column[lane]));
-            let velocity = self.velocity_of_nearest_midway(&r.into(), &parting.into());
-            velocities.iter_mut().zip(velocity.iter()).for_each(|(column, x)| column[lane] = *x);
-        }
-        velocities
     }
 
     /// The way of a body from one place to another, through a periodic face or not [m].

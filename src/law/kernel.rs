@@ -418,6 +418,7 @@ impl<M: Model> Law<M> {
     }
 
     /// Constants of two bodies with so much of their masses.
+    #[inline]
     fn of_shares(&self, Pair { a, b }: Pair, particles: &Particles, share: f64) -> OfPair<M> {
         let [a, b] = [a, b].map(|slot| {
             let scale = particles.scale_of(slot.index());
