@@ -93,6 +93,8 @@ pub struct Bulk {
     pub of_contacts: [f64; 6],
     /// Of the motion against the mean flow: the sum of mass times velocity times velocity over the volume [Pa].
     pub of_motion: [f64; 6],
+    /// Volume of all particles over that of the cell [-].
+    pub solid_fraction: f64,
 }
 
 /// Axes of the components of a stress, as they are written.
@@ -247,6 +249,7 @@ pub fn measure(
         strains: strained.map(|Strained { strain, .. }| COMPONENTS.map(|[i, j]| -strain[(i, j)])),
         of_contacts: totals.stress(0, &particles.cell),
         of_motion: totals.stress(1, &particles.cell),
+        solid_fraction: totals.volume(&particles.cell),
     });
     let groups = particles.groups.len();
     let of_groups =
@@ -264,7 +267,7 @@ struct Totals {
     counts: [i64; 4],
     /// Overlap over the shortest axis [-], speed [m/s], height [m].
     maxima: [f64; 3],
-    /// Where the sums of stresses begin, if there are any.
+    /// Where the sums of stresses and that of volumes begin, if there are any.
     stresses: Option<usize>,
     /// Where the sums of torques on walls begin, if there are any.
     torques: Option<usize>,
@@ -282,7 +285,7 @@ impl Totals {
             count += if is_there { how_many } else { 0 };
             first
         };
-        let stresses = more(particles.cell.moves(), 2 * COMPONENTS.len());
+        let stresses = more(particles.cell.moves(), 2 * COMPONENTS.len() + 1);
         let torques = more(particles.facets.any_torque, 3 * walls);
         let belts = more(particles.walls.iter().any(Wall::is_belt), walls);
         let groups = more(!particles.groups.is_empty(), 6 * particles.groups.len());
@@ -313,6 +316,18 @@ impl Totals {
         std::array::from_fn(|k| self.value_at(first + k) / cell.volume())
     }
 
+    /// Adds to the volume of all particles [m³].
+    fn add_volume(&mut self, volume: impl Fn() -> f64) {
+        let Some(first) = self.stresses else { return };
+        self.add_at(first + 2 * COMPONENTS.len(), volume());
+    }
+
+    /// Volume of all particles over that of the cell [-].
+    fn volume(&self, cell: &Cell) -> f64 {
+        self.stresses.map_or(0.0, |first| self.value_at(first + 2 * COMPONENTS.len()))
+            / cell.volume()
+    }
+
     fn add(&mut self, of: Of, term: f64) {
         self.add_at(of as usize, term);
     }
@@ -334,6 +349,7 @@ impl Totals {
             }
         }
         self.add(Of::Received, particles.accumulated[Quantity::Received][slot]);
+        self.add_volume(|| particles.volume(slot));
         let top = particles.position[slot].z + particles.radius(slot);
         self.maxima[2] = larger_number(self.maxima[2], top);
         if particles.is_held(slot) {

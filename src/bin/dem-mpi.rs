@@ -356,6 +356,10 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         Ok(state) => state,
         Err(status) => return status,
     };
+    if let Err(words) = scene.stop.check(&sim) {
+        print_once(comm, format!("{}: {words}", arguments.scene().display()));
+        return WRONG_INPUT;
+    }
     if arguments.check {
         let begins = begins(arguments, &scene, &mut sim, comm);
         return begins.map_or_else(|status| status, |()| checked(arguments, comm));

@@ -14,7 +14,8 @@
 //! What drives count ([`crate::drive::Reporter::counted`]) stands in the last columns: what came through inlets, what left through
 //! outlets, the work of walls and what was lost at them ([`crate::drive::ledger`]).
 //!
-//! Of a sheared cell there are the strain, of a cell that a flow carries the strains, and the stresses of [`crate::measure::Bulk`] besides.
+//! Of a sheared cell there are the strain, of a cell that a flow carries the strains, and the stresses and the solid fraction of
+//! [`crate::measure::Bulk`] besides.
 
 use super::growing::{GrowingTable, TableError};
 use crate::cell::AXES;
@@ -29,6 +30,12 @@ use std::path::Path;
 #[derive(Debug)]
 pub struct History {
     table: GrowingTable,
+    columns: Columns,
+}
+
+/// The columns of a run.
+#[derive(Debug)]
+pub struct Columns {
     cell: Cell,
     /// Of each wall.
     of_walls: Vec<OfWall>,
@@ -149,30 +156,26 @@ pub fn stressed<'a>(walls: &'a [Wall], cell: &'a Cell) -> impl Iterator<Item = (
         .filter_map(|(_, wall, Across { axis, .. })| Some((wall, area(walls, cell, axis)?)))
 }
 
-impl History {
-    /// Opens `history.csv` in `directory`, with columns of its `own` after all others, as [`GrowingTable::open`] does.
-    ///
-    /// # Errors
-    /// If the file cannot be read or written.
-    pub fn open(
-        directory: &Path,
-        walls: &[Wall],
-        cell: Cell,
-        own: &[String],
-        keep: impl Fn(u64) -> bool,
-    ) -> Result<Self, TableError> {
+impl Columns {
+    /// With these walls and this cell.
+    pub fn of(walls: &[Wall], cell: Cell) -> Self {
+        Self { cell, of_walls: walls.iter().map(OfWall::of).collect() }
+    }
+
+    /// Their names, with those of drives after all others.
+    pub fn names(&self, walls: &[Wall], own: &[String]) -> Vec<String> {
+        let Self { cell, of_walls } = self;
         let mut columns = COLUMNS.map(|(name, _)| name.to_owned()).to_vec();
         for Wall { name, .. } in walls {
             columns.extend(AXES.map(|axis| format!("force_{name}_{axis}_N")));
         }
         for (_, Wall { name, .. }, Across { axis, .. }) in written(walls) {
             columns.push(format!("place_{name}_m"));
-            columns.extend(area(walls, &cell, axis).map(|_| format!("stress_{name}_Pa")));
+            columns.extend(area(walls, cell, axis).map(|_| format!("stress_{name}_Pa")));
         }
-        let of_walls: Vec<OfWall> = walls.iter().map(OfWall::of).collect();
         let none = Vec3::zeros();
         let names = |(wall, of): (_, &OfWall)| of.columns(wall, &none, &none, 0.0).into_iter();
-        columns.extend(walls.iter().zip(&of_walls).flat_map(names).map(|(name, _)| name));
+        columns.extend(walls.iter().zip(of_walls).flat_map(names).map(|(name, _)| name));
         if cell.moves() {
             let component = |[i, j]: [usize; 2]| format!("strain_{}{}", AXES[i], AXES[j]);
             match cell.strained() {
@@ -183,25 +186,14 @@ impl History {
                 let name = |[i, j]: [usize; 2]| format!("{kind}_stress_{}{}_Pa", AXES[i], AXES[j]);
                 columns.extend(COMPONENTS.map(name));
             }
+            columns.push("solid_fraction".to_owned());
         }
         columns.extend_from_slice(own);
-        let table = GrowingTable::open(directory, "history.csv", columns, keep)?;
-        Ok(Self { table, cell, of_walls })
+        columns
     }
 
-    /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
-    ///
-    /// # Errors
-    /// If they cannot be written.
-    pub fn sync(&self) -> Result<(), TableError> {
-        self.table.sync()
-    }
-
-    /// Appends a row.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub fn push(&mut self, row: &Row) -> Result<(), TableError> {
+    /// Their numbers in a row, as they are written.
+    pub fn numbers(&self, row: &Row) -> Vec<String> {
         let &Row { measures, forces, walls, own, .. } = row;
         let moved = written(walls).flat_map(|(k, wall, Across { axis, place, .. })| {
             let stress = |area| wall.press(&forces[k]) / area;
@@ -219,11 +211,46 @@ impl History {
             .chain(measures.bulk.iter().flat_map(|bulk| {
                 let stresses = bulk.of_contacts.into_iter().chain(bulk.of_motion);
                 let strains = bulk.strains.map_or_else(|| vec![bulk.strain], Vec::from);
-                strains.into_iter().chain(stresses)
+                strains.into_iter().chain(stresses).chain([bulk.solid_fraction])
             }))
             .chain(own.iter().copied())
             .map(digits);
-        self.table.push(always.chain(of_walls))?;
+        always.chain(of_walls).collect()
+    }
+}
+
+impl History {
+    /// Opens `history.csv` in `directory`, with columns of its `own` after all others, as [`GrowingTable::open`] does.
+    ///
+    /// # Errors
+    /// If the file cannot be read or written.
+    pub fn open(
+        directory: &Path,
+        walls: &[Wall],
+        cell: Cell,
+        own: &[String],
+        keep: impl Fn(u64) -> bool,
+    ) -> Result<Self, TableError> {
+        let columns = Columns::of(walls, cell);
+        let names = columns.names(walls, own);
+        let table = GrowingTable::open(directory, "history.csv", names, keep)?;
+        Ok(Self { table, columns })
+    }
+
+    /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn sync(&self) -> Result<(), TableError> {
+        self.table.sync()
+    }
+
+    /// Appends a row.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn push(&mut self, row: &Row) -> Result<(), TableError> {
+        self.table.push(self.columns.numbers(row).into_iter())?;
         self.table.flush()
     }
 }

@@ -30,6 +30,7 @@ use crate::math::{Vec3, printed_limit};
 use crate::population::Library;
 use crate::sim::audit::Settings as Audit;
 use crate::sim::steps_of;
+use crate::sim::stop::When;
 use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
@@ -552,6 +553,9 @@ fn stop(section: &Section, grains: &Grains, [has_servo, has_target]: [bool; 2]) 
     let count = |key| section.optional(key, Given::whole);
     let (left, remaining) = (count("left"), count("remaining"));
     let after = section.number_or("after", 0.0);
+    let when = section.read_or("when", Vec::new(), |given| {
+        given.list()?.iter().map(|given| within(&given.section()?)).collect()
+    });
     let is_endless = |inlet: &Inlet| inlet.until.is_none();
     if let Some(given) = section.get("remaining")
         && grains.inlets.iter().flatten().any(is_endless)
@@ -571,14 +575,26 @@ fn stop(section: &Section, grains: &Grains, [has_servo, has_target]: [bool; 2]) 
     }
     let drives = [("servo", servo?), ("cell", cell?)].into_iter();
     let drives = drives.filter_map(|(key, limit)| Some((key.to_owned(), limit?))).collect();
-    let (left, remaining, after) = (left?, remaining?, after?);
-    let stop = Stop { rest: rest?, unbalanced: unbalanced?, drives, left, remaining, after };
+    let (left, remaining, when, after) = (left?, remaining?, when?, after?);
+    let stop = Stop { rest: rest?, unbalanced: unbalanced?, drives, left, remaining, when, after };
     if stop == (Stop { after, ..Stop::default() }) {
         section.fail(
-            "give at least one of `rest`, `unbalanced`, `servo`, `cell`, `left` and `remaining`",
+            "give at least one of `rest`, `unbalanced`, `servo`, `cell`, `left`, `remaining` and `when`",
         );
     }
     Some(stop)
+}
+
+/// An entry of `when` in `[stop]`.
+fn within(section: &Section) -> Option<When> {
+    let column = section.require("column").and_then(|given| given.text());
+    let limit = |key| section.optional(key, Given::number);
+    let (above, below) = (limit("above")?, limit("below")?);
+    if above.is_none() && below.is_none() {
+        section.fail("give `above`, `below`, or both");
+        return None;
+    }
+    Some(When { column: column?.to_owned(), above, below })
 }
 
 /// `[neighbours]`.

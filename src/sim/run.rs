@@ -583,7 +583,7 @@ fn lists(sim: &mut Simulation, schedule: &Schedule) -> Result<Vec<List>, TableEr
 }
 
 /// The columns of the history that only some scenes have: forces on groups, and what drives have counted.
-fn own_columns(sim: &Simulation, measures: &Measures) -> Vec<(String, f64)> {
+pub(super) fn own_columns(sim: &Simulation, measures: &Measures) -> Vec<(String, f64)> {
     let of_groups = sim.particles.groups.iter().enumerate().flat_map(|(k, group)| {
         let three = |what: &str, all: &[Vec3], unit: &str| {
             let vector = all.get(k).copied().unwrap_or_default();

@@ -1,9 +1,11 @@
 //! When a stage ends before its last step.
 
 use super::Simulation;
+use super::run::own_columns;
 use crate::drive::{Reporter, Standing};
 use crate::math::Vec3;
 use crate::measure::Measures;
+use crate::output::table::{Columns, Row};
 use crate::walls::Wall;
 use serde::{Deserialize, Serialize};
 use std::fmt::{Display, Formatter};
@@ -21,26 +23,92 @@ pub struct Stop {
     pub remaining: Option<u64>,
     /// The error of a drive is below this, by the drive's key: [`crate::drive::Standing::error`].
     pub drives: Vec<(String, f64)>,
+    /// Columns of the history are within limits.
+    pub when: Vec<When>,
     /// Not before the stage has lasted so long [s].
     pub after: f64,
+}
+
+/// Limits of a column of the history.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct When {
+    /// Name of the column.
+    pub column: String,
+    /// Its number is above this.
+    pub above: Option<f64>,
+    /// Its number is below this.
+    pub below: Option<f64>,
+}
+
+impl When {
+    /// Is a number within the limits? One that is not known is not.
+    fn holds(&self, number: f64) -> bool {
+        let Self { above, below, .. } = *self;
+        let is_above = above.is_none_or(|above| number > above);
+        is_above && below.is_none_or(|below| number < below) && !number.is_nan()
+    }
+}
+
+impl Display for When {
+    fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
+        let limits = [("above", self.above), ("below", self.below)].into_iter();
+        let limits = limits.filter_map(|(side, limit)| Some(format!("{side} {}", limit?)));
+        f.write_str(&limits.collect::<Vec<_>>().join(" and "))
+    }
 }
 
 /// As the scene has it.
 impl Display for Stop {
     fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
-        let Self { rest, unbalanced, drives, left, remaining, after } = self;
+        let Self { rest, unbalanced, drives, left, remaining, when, after } = self;
         let own = [("rest", *rest), ("unbalanced", *unbalanced)];
         let own = own.into_iter().filter_map(|(key, limit)| Some((key, limit?)));
         let given = own.chain(drives.iter().map(|(key, limit)| (&**key, *limit)));
         let given = given.map(|(key, limit)| format!("{key} = {limit}"));
         let counts = [("left", *left), ("remaining", *remaining)].into_iter();
         let counts = counts.filter_map(|(key, count)| Some(format!("{key} = {}", count?)));
+        let when = when.iter().map(|when| format!("{} {when}", when.column));
         let after = (*after > 0.0).then(|| format!("after = {after}"));
-        f.write_str(&given.chain(counts).chain(after).collect::<Vec<_>>().join(", "))
+        f.write_str(&given.chain(counts).chain(when).chain(after).collect::<Vec<_>>().join(", "))
     }
 }
 
 impl Stop {
+    /// Are the columns there that it names?
+    ///
+    /// # Errors
+    /// A column that is not, with those that are.
+    pub fn check(&self, sim: &Simulation) -> Result<(), String> {
+        let own = own_columns(sim, &Measures::default()).into_iter().map(|(name, _)| name);
+        let walls = &*sim.particles.walls;
+        let names = Columns::of(walls, sim.particles.cell).names(walls, &own.collect::<Vec<_>>());
+        let wrong = self.when.iter().find(|when| !names.contains(&when.column));
+        wrong.map_or(Ok(()), |When { column, .. }| {
+            let names = names.join(", ");
+            Err(format!("stop.when: history.csv has no column `{column}`; it has {names}"))
+        })
+    }
+
+    /// Columns of the history that are not within their limits.
+    fn beyond(&self, sim: &Simulation, measures: &Measures) -> Vec<String> {
+        if self.when.is_empty() {
+            return Vec::new();
+        }
+        let (own_names, own): (Vec<String>, Vec<f64>) =
+            own_columns(sim, measures).into_iter().unzip();
+        let (walls, forces) = (&*sim.particles.walls, &*measures.wall_forces);
+        let columns = Columns::of(walls, sim.particles.cell);
+        let names = columns.names(walls, &own_names);
+        let row = Row { step: sim.step, time: sim.time(), measures, forces, walls, own: &own };
+        let numbers = columns.numbers(&row);
+        let is = |when: &When| {
+            let column = names.iter().position(|name| *name == when.column);
+            column.and_then(|column| numbers[column].parse().ok()).unwrap_or(f64::NAN)
+        };
+        let unmet = self.when.iter().filter(|when| !when.holds(is(when)));
+        unmet.map(|when| format!("{} is {:.4e}, not {when}", when.column, is(when))).collect()
+    }
+
     /// What is asked for and does not hold now; empty if all does.
     pub(super) fn unmet(&self, sim: &Simulation, measures: &Measures) -> String {
         let mut unmet: Vec<String> = Vec::new();
@@ -75,6 +143,7 @@ impl Stop {
         if of_contacts && !carries {
             unmet.push("no contact carries a force".to_owned());
         }
+        unmet.extend(self.beyond(sim, measures));
         let own = [
             ("rest", measures.kinetic() / measures.dissipated, self.rest),
             ("unbalanced", measures.unbalanced, self.unbalanced),

@@ -16,6 +16,7 @@ mod reported;
 mod restarted;
 mod same_bits;
 mod signalled;
+mod stopped;
 mod suggested;
 mod told;
 mod traced;

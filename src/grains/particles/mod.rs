@@ -278,6 +278,11 @@ impl Particles {
         self.library.mass_at(self.shape[slot], self.scale_of(slot))
     }
 
+    /// Volume of a body [m³].
+    pub fn volume(&self, slot: usize) -> f64 {
+        self.library.shapes[self.shape[slot].index()].volume() * self.scale_of(slot).powi(3)
+    }
+
     /// Principal moments of inertia of a body [kg m²].
     #[inline]
     pub fn inertia(&self, slot: usize) -> Vec3 {
