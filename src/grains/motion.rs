@@ -25,6 +25,7 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 pub mod affine;
+pub mod ahead;
 
 use crate::lanes::{self, Eight, Kernel, Lanes, Triple, WIDTH, row};
 use crate::math::{Quat, Vec3, Vec3AndNumber};
@@ -151,11 +152,18 @@ fn scale_in<const SIZED: bool>(column: &[f64], slot: usize) -> f64 {
 
 /// Kicks all owned particles by the forces at their positions for half of `dt` [s], and moves them for all of it.
 pub fn kick_and_drift(particles: &mut Particles, field: &Field, dt: f64) -> Farthest {
-    if particles.needs.scale {
+    if particles.needs.ahead {
+        ahead::foresee(particles, field, dt);
+    }
+    let farthest = if particles.needs.scale {
         kick_and_drift_of::<true>(particles, field, dt)
     } else {
         kick_and_drift_of::<false>(particles, field, dt)
+    };
+    if particles.needs.ahead {
+        ahead::foresee_turns(particles);
     }
+    farthest
 }
 
 fn kick_and_drift_of<const SIZED: bool>(

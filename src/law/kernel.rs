@@ -16,9 +16,11 @@
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 mod balance;
+mod dashpots;
 mod patches;
 mod rows;
 
+pub use dashpots::InPlane;
 pub use patches::Turning;
 
 use super::{About, Body, ForceLaw, Last, Lost, OnWall, PressOnWall, Separated, Sums, Work, add};
@@ -27,7 +29,7 @@ use crate::contact::{Geometry, Pair, StateColumn, touch_of_sphere, triple, vecto
 use crate::ids::{ShapeId, Slot};
 use crate::lanes::{self, Eight, Gather, Kernel, Lanes, Row, RowPairs, Triple, WIDTH, row};
 use crate::math::Vec3;
-use crate::particles::{Needs, Particles};
+use crate::particles::{Ahead, Needs, Particles};
 use crate::population::Library;
 use crate::shape::Kind;
 use balance::{Powers, Stored};
@@ -99,6 +101,11 @@ pub struct Contact<L> {
     pub approach: L,
     /// Velocity of A's surface against B's in the contact plane [m/s].
     pub sliding: Triple<L>,
+    /// What the velocity of A's surface against B's is foreseen to gain until the time of the positions [m/s]; zero of laws without
+    /// dashpots, and at the start of a stage.
+    pub ahead: Triple<L>,
+    /// The part of tangential dashpots in the last force; zero if there are none [N].
+    pub last_viscous: Triple<L>,
     /// By how much the pair has turned about the normal since the last step [rad].
     pub twist: L,
     /// Angular velocity of A against B [rad/s].
@@ -867,7 +874,10 @@ impl<M: Model> Contacts<'_, '_, M> {
         let zero = L::all(0.0);
         let Motion { velocity, last_velocity, turning, .. } = *motion;
         let GeometryInLanes { normal, .. } = *now;
-        let contact = motion.contact(last, now, dt).timed(law.model.outlives(constants));
+        let mut contact = motion.contact(last, now, dt).timed(law.model.outlives(constants));
+        if let Some(Acted { viscous: Some(last), .. }) = acted {
+            contact.last_viscous = last;
+        }
         let mut before = law.model.last(of_last, last.overlap, state);
         let last_press = last.normal.times(before.press);
         let turned_before =
@@ -1230,6 +1240,8 @@ struct Motion<L> {
     turning: Triple<L>,
     /// What `velocity` has more where they were half a step ago, see [`Motion::midway`] [m/s].
     midway: Triple<L>,
+    /// What `velocity` is foreseen to gain, see [`Contact::ahead`] [m/s].
+    ahead: Triple<L>,
 }
 
 impl<L: Eight> Motion<L> {
@@ -1237,7 +1249,14 @@ impl<L: Eight> Motion<L> {
     #[inline(always)]
     fn none() -> Self {
         let zero = Triple::zero();
-        Self { velocity: zero, last_velocity: zero, spin: zero, turning: zero, midway: zero }
+        Self {
+            velocity: zero,
+            last_velocity: zero,
+            spin: zero,
+            turning: zero,
+            midway: zero,
+            ahead: zero,
+        }
     }
 
     /// Of bodies A and B, at these arms from their centres, and at those of the last force [m].
@@ -1264,7 +1283,14 @@ impl<L: Eight> Motion<L> {
         } else {
             Self::midway(spin, turning, centres, with_wall, dt)
         };
-        Self { velocity, last_velocity, spin, turning, midway }
+        let ahead = if particles.needs.ahead && dt > 0.0 {
+            let (of_a, spin_a) = gains::<L>(particles, a);
+            let (of_b, spin_b) = gains::<L>(particles, b);
+            of_a.minus(of_b).plus(spin_a.cross(arm_a)).minus(spin_b.cross(arm_b))
+        } else {
+            Triple::zero()
+        };
+        Self { velocity, last_velocity, spin, turning, midway, ahead }
     }
 
     /// What the velocity of A's surface against B's has more where they were half a step ago: there, velocities are those that
@@ -1314,6 +1340,8 @@ impl<L: Eight> Motion<L> {
             gain: L::all(1.0),
             approach,
             sliding: velocity.minus(normal.times(approach)),
+            ahead: self.ahead,
+            last_viscous: Triple::zero(),
             twist: L::all(0.5 * dt) * self.spin.dot(normal),
             turning: self.turning,
             touched: L::all(0.0).less(last.normal.dot(last.normal)),
@@ -1380,6 +1408,18 @@ fn velocities<L: Eight>(particles: &Particles, bodies: Gather) -> (Triple<L>, Tr
     let velocity = vectors::<L>(&particles.velocity, bodies);
     let Some(spin) = &particles.spin else { return (velocity, Triple::zero()) };
     (velocity, vectors::<L>(&spin.angular_velocity, bodies))
+}
+
+/// What the velocities of the centres of bodies [m/s] and their angular velocities [rad/s] are foreseen to gain.
+#[inline(always)]
+fn gains<L: Eight>(particles: &Particles, bodies: Gather) -> (Triple<L>, Triple<L>) {
+    let Ahead { velocity, angular_velocity } = &particles.ahead;
+    let turning = if angular_velocity.is_empty() {
+        Triple::zero()
+    } else {
+        vectors::<L>(angular_velocity, bodies)
+    };
+    (vectors::<L>(velocity, bodies), turning)
 }
 
 /// Turns a vector of the last contact plane into the plane of now, by the shortest rotation (Rodrigues' formula

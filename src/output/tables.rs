@@ -22,7 +22,7 @@
 //! |---|---|---|
 //! | particles `/VTKHDF/Points` | particles × 3 | centres [m] |
 //! | particles `/VTKHDF/PointData/<name>` | particles | the other columns of [`ParticleTable`] that a picture shows; the attribute `order` of `quaternion` is `w, x, y, z` |
-//! | particles `/restart/particles/<name>` | particles | `standing` in the order of space ([`crate::particles::order`]), `angular_momentum`, `image`, and each [`Quantity`] under its name |
+//! | particles `/restart/particles/<name>` | particles | `standing` in the order of space ([`crate::particles::order`]), `angular_momentum`, `velocity_ahead`, `angular_velocity_ahead`, `image`, and each [`Quantity`] under its name |
 //! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `overlap`, and what the law remembers under its names |
 //! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall [m] |
 //! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
@@ -77,6 +77,10 @@ pub struct ParticleTable {
     pub angular_velocity: Vec<Vec3>,
     /// Moment at `position`, world axes [N m]. Optional, with `angular_momentum`.
     pub torque: Vec<Vec3>,
+    /// What the velocity is foreseen to gain ([`crate::motion::ahead`]) [m/s]. Optional.
+    pub velocity_ahead: Vec<Vec3>,
+    /// The same of the angular velocity, world axes [rad/s]. Optional.
+    pub angular_velocity_ahead: Vec<Vec3>,
 }
 
 impl ParticleTable {
@@ -203,7 +207,7 @@ fn shown() -> [ParticleColumn; 12] {
 }
 
 /// What a restart needs besides.
-fn of_restart() -> [ParticleColumn; 3] {
+fn of_restart() -> [ParticleColumn; 5] {
     [
         own(
             "standing",
@@ -212,6 +216,22 @@ fn of_restart() -> [ParticleColumn; 3] {
             Presence::If(|_| true),
             |t| &t.standing,
             |t| &mut t.standing,
+        ),
+        own(
+            "velocity_ahead",
+            "/restart/particles/velocity_ahead",
+            "m/s",
+            Presence::If(|needs| needs.ahead),
+            |t| &t.velocity_ahead,
+            |t| &mut t.velocity_ahead,
+        ),
+        own(
+            "angular_velocity_ahead",
+            "/restart/particles/angular_velocity_ahead",
+            "rad/s",
+            Presence::If(|needs| needs.ahead && needs.spin),
+            |t| &t.angular_velocity_ahead,
+            |t| &mut t.angular_velocity_ahead,
         ),
         own(
             "image",

@@ -167,6 +167,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         (needs.orientation, "orientation, angular momentum"),
         (needs.image, "counts of periods"),
         (needs.scale, "scales"),
+        (needs.ahead, "gains of velocities ahead"),
     ];
     let columns: Vec<&str> =
         columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();

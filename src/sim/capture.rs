@@ -200,6 +200,18 @@ impl Simulation {
             accumulated: particles.accumulated.clone(),
             standing: particles.standing[owned.clone()].to_vec(),
             image: particles.image.clone(),
+            velocity_ahead: particles
+                .ahead
+                .velocity
+                .get(owned.clone())
+                .unwrap_or_default()
+                .to_vec(),
+            angular_velocity_ahead: particles
+                .ahead
+                .angular_velocity
+                .get(owned.clone())
+                .unwrap_or_default()
+                .to_vec(),
             ..ParticleTable::default()
         };
         if let Some(orientation) = &particles.orientation {
@@ -344,6 +356,8 @@ pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId
             }),
             angular_momentum: vector(&table.angular_momentum, row),
             angular_velocity: vector(&table.angular_velocity, row),
+            ahead: [&table.velocity_ahead, &table.angular_velocity_ahead]
+                .map(|column| vector(column, row)),
             torque: vector(&table.torque, row),
         })
         .collect()

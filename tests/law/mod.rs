@@ -1,6 +1,7 @@
 //! From overlap to force: closed forms, energies, impacts.
 
 mod adhesion;
+mod dashpots;
 mod elliptic;
 mod hertz;
 mod hertz_faces;

@@ -7,14 +7,14 @@ use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
 use std::f64::consts::PI;
 
-const RADIUS: f64 = 1e-3;
-const DENSITY: f64 = 2500.0;
-const STIFFNESS: f64 = 1e4;
+pub(super) const RADIUS: f64 = 1e-3;
+pub(super) const DENSITY: f64 = 2500.0;
+pub(super) const STIFFNESS: f64 = 1e4;
 /// Slow, so that overlaps are nothing beside a radius [m/s].
-const SPEED: f64 = 1e-3;
+pub(super) const SPEED: f64 = 1e-3;
 const PHASES: u32 = 16;
 
-fn text(law: &str, shape: &str, material: &str) -> String {
+pub(super) fn text(law: &str, shape: &str, material: &str) -> String {
     format!(
         r#"
 {law}
@@ -32,16 +32,16 @@ step = 1e-7
 }
 
 /// A grain that strikes the floor.
-struct Impact {
-    text: String,
+pub(super) struct Impact {
+    pub(super) text: String,
     /// From its centre to its lowest point [m].
-    height: f64,
-    velocity: Vec3,
+    pub(super) height: f64,
+    pub(super) velocity: Vec3,
     /// About a principal axis [rad/s], with this moment of inertia [kg m²].
-    spin: Vec3,
-    inertia: f64,
+    pub(super) spin: Vec3,
+    pub(super) inertia: f64,
     /// How long it touches [s].
-    duration: f64,
+    pub(super) duration: f64,
 }
 
 impl Impact {
@@ -61,7 +61,7 @@ impl Impact {
     }
 
     /// What `read` sees of the grain afterwards, its mean over the phases, with so many steps while it touches.
-    fn mean(&self, steps: f64, read: impl Fn(&Vec3, &Vec3) -> f64) -> f64 {
+    pub(super) fn mean(&self, steps: f64, read: impl Fn(&Vec3, &Vec3) -> f64) -> f64 {
         let dt = self.duration / steps;
         let mut scene = scene(&self.text);
         scene.dt = dt;
@@ -82,7 +82,7 @@ impl Impact {
             })
             .collect();
         let mut bench = Bench::of(&scene, &grains);
-        for _ in 0..(1.2 * steps) as u32 + 4 {
+        for _ in 0..(4.0 * steps) as u32 + 4 {
             bench.step();
         }
         assert_eq!(bench.measure().contacts, 0, "all have left the floor");
@@ -103,7 +103,7 @@ impl Impact {
     }
 }
 
-fn mass() -> f64 {
+pub(super) fn mass() -> f64 {
     DENSITY * 4.0 / 3.0 * PI * RADIUS.powi(3)
 }
 

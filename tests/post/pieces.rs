@@ -39,6 +39,8 @@ pub(super) fn some_particles(table: &ParticleTable, rows: &[usize]) -> ParticleT
         angular_momentum: pick(&table.angular_momentum, rows),
         angular_velocity: pick(&table.angular_velocity, rows),
         torque: pick(&table.torque, rows),
+        velocity_ahead: pick(&table.velocity_ahead, rows),
+        angular_velocity_ahead: pick(&table.angular_velocity_ahead, rows),
     }
 }
 

@@ -1006,6 +1006,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         damping: true,
         adhesion: false,
         group: true,
+        ahead: true,
     };
     assert_eq!(scene.needs(), needs);
     let all = plan(&scene, 4);
@@ -1016,8 +1017,8 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "servo           -y, +y: 1e5 Pa, at most 5e-1 m/s, gain 0.8",
         "sums            a sum of 2144 bytes over all ranks in each step",
         "columns         position, velocity, force; angular velocity, torque; \
-         orientation, angular momentum; counts of periods; scales",
-        "104 bytes in the message of each step",
+         orientation, angular momentum; counts of periods; scales; gains of velocities ahead",
+        "152 bytes in the message of each step",
         "audit           every 500 steps about 30 contacts resolved again",
         "Left out\n  not in snapshots: dissipated_by_turning, dissipated_by_adhesion\n",
     ] {

@@ -41,6 +41,8 @@ pub struct Needs {
     pub adhesion: bool,
     /// Numbers of groups: particles that are held or pushed.
     pub group: bool,
+    /// What velocities are foreseen to gain ([`crate::motion::ahead`]): a law with dashpots. Implies `velocity`.
+    pub ahead: bool,
 }
 
 impl Needs {
@@ -48,6 +50,8 @@ impl Needs {
     pub const fn halo_values(&self) -> usize {
         3 + if self.velocity { 3 } else { 0 }
             + if self.spin && self.velocity { 3 } else { 0 }
+            + if self.ahead { 3 } else { 0 }
+            + if self.spin && self.ahead { 3 } else { 0 }
             + if self.orientation { 4 } else { 0 }
     }
 
@@ -76,7 +80,7 @@ const fn field<T>(
 }
 
 /// All of them. Sorting, taking out, stripping, trimming and counting bytes follow.
-static FIELDS: [Field; 16] = [
+static FIELDS: [Field; 18] = [
     field::<GlobalId>(Presence::Always, |p| Some(&p.id), |p| Some(&mut p.id)),
     field::<ShapeId>(Presence::Always, |p| Some(&p.shape), |p| Some(&mut p.shape)),
     field::<f64>(Presence::If(|needs| needs.scale), |p| Some(&p.scale), |p| Some(&mut p.scale)),
@@ -84,6 +88,16 @@ static FIELDS: [Field; 16] = [
     field::<Standing>(Presence::Always, |p| Some(&p.standing), |p| Some(&mut p.standing)),
     field::<Vec3>(Presence::Always, |p| Some(&p.position), |p| Some(&mut p.position)),
     field::<Vec3>(Presence::Always, |p| Some(&p.velocity), |p| Some(&mut p.velocity)),
+    field::<Vec3>(
+        Presence::If(|needs| needs.ahead),
+        |p| Some(&p.ahead.velocity),
+        |p| Some(&mut p.ahead.velocity),
+    ),
+    field::<Vec3>(
+        Presence::If(|needs| needs.ahead && needs.spin),
+        |p| Some(&p.ahead.angular_velocity),
+        |p| Some(&mut p.ahead.angular_velocity),
+    ),
     field::<Vec3AndNumber>(Presence::Always, |p| Some(&p.force), |p| Some(&mut p.force)),
     field::<Vec3>(Presence::Always, |p| Some(&p.listed_at), |p| Some(&mut p.listed_at)),
     field::<f64>(Presence::Always, |p| Some(&p.travel), |p| Some(&mut p.travel)),

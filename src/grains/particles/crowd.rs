@@ -24,6 +24,7 @@ pub fn crowd(count: u64, sized: bool) -> Particles {
         orientation: true,
         form: true,
         scale: sized,
+        ahead: true,
         ..Needs::default()
     };
     let cell = Cell::new(Vec3::zeros(), Vec3::repeat(0.1), [false, false, true]);
@@ -34,10 +35,12 @@ pub fn crowd(count: u64, sized: bool) -> Particles {
         let position = vector(0.05) + Vec3::repeat(0.05);
         let (velocity, momentum) = (vector(1.0), vector(1e-9));
         let (force, torque) = (vector(1e-2), vector(1e-5));
+        let ahead = [vector(1e-2), vector(10.0)];
         particles.push_owned(&Particle {
             velocity,
             force,
             torque,
+            ahead,
             angular_momentum: momentum,
             quaternion: random.rotation(),
             scale: if sized { 0.6 + random.unit() } else { 1.0 },

@@ -35,6 +35,16 @@ pub struct Spin {
     pub torque: Vec<Vec3AndNumber>,
 }
 
+/// What velocities are foreseen to gain until the time of the positions, see [`crate::motion::ahead`]; nothing of walls. Length: all
+/// slots, or none if the scene does not need them.
+#[derive(Clone, Debug, Default)]
+pub struct Ahead {
+    /// [m/s]
+    pub velocity: Vec<Vec3>,
+    /// World axes [rad/s].
+    pub angular_velocity: Vec<Vec3>,
+}
+
 /// Orientation columns, where the scene needs them.
 #[derive(Clone, Debug, Default)]
 pub struct Orientation {
@@ -111,6 +121,8 @@ pub struct Particles {
     /// After a step those of the time of the positions; before its second kick, and of ghosts, those of half a step
     /// before [m/s]. Length: all slots.
     pub velocity: Vec<Vec3>,
+    /// What velocities are foreseen to gain, if a law needs it.
+    pub ahead: Ahead,
     /// Sum of the contact forces, gravity and damping not in it [N], and the energy that contacts lost in the last step [J]:
     /// four numbers are added at once. Length: owned.
     pub force: Vec<Vec3AndNumber>,
@@ -160,6 +172,7 @@ impl Particles {
             standing: Vec::new(),
             position: Vec::new(),
             velocity: Vec::new(),
+            ahead: Ahead::default(),
             force: Vec::new(),
             listed_at: Vec::new(),
             travel: Vec::new(),
@@ -346,6 +359,7 @@ impl Particles {
             quaternion,
             angular_momentum,
             angular_velocity,
+            ahead,
             torque,
         } = particle;
         let [least, largest] = self.library.scales[shape.index()];
@@ -364,6 +378,10 @@ impl Particles {
         self.standing.push(*standing);
         self.position.push(*position);
         self.velocity.push(*velocity);
+        if self.needs.ahead {
+            self.ahead.velocity.push(ahead[0]);
+            self.ahead.angular_velocity.extend(self.needs.spin.then_some(ahead[1]));
+        }
         self.force.push((*force).into());
         self.listed_at.push(*position);
         self.accumulated.push(accumulated, self.needs);
@@ -408,6 +426,7 @@ impl Particles {
                 .map_or_else(Quat::identity, |orientation| orientation.quaternion[slot]),
             angular_momentum: self.angular_momentum(slot),
             angular_velocity: spin.map_or_else(Vec3::zeros, |spin| spin.angular_velocity[slot]),
+            ahead: self.ahead_of(slot),
             torque: spin.map_or_else(Vec3::zeros, |spin| spin.torque[slot].vector),
         }
     }
@@ -452,6 +471,12 @@ impl Particles {
         }
     }
 
+    /// What the velocity [m/s] and the angular velocity [rad/s] of a body are foreseen to gain.
+    pub fn ahead_of(&self, slot: usize) -> [Vec3; 2] {
+        let Ahead { velocity, angular_velocity } = &self.ahead;
+        [velocity, angular_velocity].map(|column| column.get(slot).copied().unwrap_or_default())
+    }
+
     /// Brings the columns of all slots to the number of ids.
     fn lengthen(&mut self) {
         let slots = self.id.len();
@@ -461,6 +486,12 @@ impl Particles {
         }
         self.position.resize(slots, Vec3::zeros());
         self.velocity.resize(slots, Vec3::zeros());
+        if self.needs.ahead {
+            self.ahead.velocity.resize(slots, Vec3::zeros());
+        }
+        if self.needs.ahead && self.needs.spin {
+            self.ahead.angular_velocity.resize(slots, Vec3::zeros());
+        }
         if let Some(spin) = &mut self.spin {
             spin.angular_velocity.resize(slots, Vec3::zeros());
         }

@@ -88,6 +88,13 @@ impl Particles {
                 spin.angular_velocity[slot] = turning;
                 self.velocity[slot] += turning.cross(&arm);
             }
+            if self.needs.ahead {
+                let [gain, turning] = self.ahead_of(body);
+                self.ahead.velocity[slot] = gain + turning.cross(&arm);
+                if let Some(of_piece) = self.ahead.angular_velocity.get_mut(slot) {
+                    *of_piece = turning;
+                }
+            }
             if let Some(travel) = self.travel.get(body).copied() {
                 self.travel[slot] = travel;
             }

@@ -8,6 +8,7 @@
 //! | orientation | x | x, if a shape needs it | x, if a shape needs it |
 //! | angular momentum | x, unless all are spheres | | |
 //! | angular velocity | x, if all are spheres | x, if a law needs it | x, if a law needs it |
+//! | gains of velocities ahead | x | x, if a law needs them | x, if a law needs them |
 //! | group, force, torque, what has accumulated, image | x | | |
 //! | records of touching contacts | x | | |
 
@@ -49,6 +50,8 @@ pub struct Particle {
     pub angular_momentum: Vec3,
     /// World axes [rad/s]. Of spheres alone it is the state, and the angular momentum follows; of others the other way round.
     pub angular_velocity: Vec3,
+    /// What its velocity [m/s] and its angular velocity [rad/s] are foreseen to gain.
+    pub ahead: [Vec3; 2],
     /// World axes [N m].
     pub torque: Vec3,
 }
@@ -70,6 +73,7 @@ impl Particle {
             quaternion: Quat::identity(),
             angular_momentum: Vec3::zeros(),
             angular_velocity: Vec3::zeros(),
+            ahead: [Vec3::zeros(); 2],
             torque: Vec3::zeros(),
         }
     }
@@ -110,6 +114,11 @@ impl Particles {
                     push(spin.angular_velocity[slot].as_slice());
                 }
             }
+            for column in [&self.ahead.velocity, &self.ahead.angular_velocity] {
+                if let Some(gain) = column.get(slot) {
+                    push(gain.as_slice());
+                }
+            }
             if let Some(orientation) = &self.orientation {
                 push(orientation.quaternion[slot].coords.as_slice());
             }
@@ -137,6 +146,11 @@ impl Particles {
                 self.velocity[slot] = Vec3::from(take::<3>(&mut rest));
                 if let Some(spin) = &mut self.spin {
                     spin.angular_velocity[slot] = Vec3::from(take::<3>(&mut rest));
+                }
+            }
+            for column in [&mut self.ahead.velocity, &mut self.ahead.angular_velocity] {
+                if let Some(gain) = column.get_mut(slot) {
+                    *gain = Vec3::from(take::<3>(&mut rest));
                 }
             }
             if let Some(orientation) = &mut self.orientation {

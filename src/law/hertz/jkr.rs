@@ -26,7 +26,7 @@
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
-use super::{CONTACT_RADIUS, Elastic, Hertz, NORMAL_FORCE, TANGENTIAL_FORCE};
+use super::{Before, CONTACT_RADIUS, Elastic, Hertz, NORMAL_FORCE, TANGENTIAL_FORCE};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
@@ -346,18 +346,20 @@ impl Model for Jkr {
         let radius = sticking.contact_radius(contact.overlap);
         let mut press = sticking.press(elastic.normal, radius);
         if self.hertz.damped {
-            press = press + elastic.dashpots[0] * radius.sqrt() * contact.approach;
+            let dashpot = elastic.dashpots[0] * radius.sqrt();
+            press = contact.damped(press, dashpot, elastic.inverse_mass, state[width - 2]);
         }
         let (mut spring, mut rub, mut kept) = (zero, zero, Kept::all());
         let frictional = elastic.frictional();
         if frictional != 0 {
-            let carried = carried(self.hertz.tangential(state), contact);
+            let force = self.hertz.tangential(state);
+            let carried = carried(force, contact);
             let limiting = press + L::all(3.0) * sticking.work * sticking.radius;
             // Contacts begin with the radius that adhesion gives them.
             let last = state[width - 1].or(sticking.size, contact.touched);
-            let last = (carried, Some(last));
+            let before = Before { carried, force, radius: Some(last) };
             let (force, stretched, left) =
-                self.hertz.rub(elastic, contact, (radius, limiting), last);
+                self.hertz.rub(elastic, contact, (radius, limiting), before);
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = force.or(zero, frictional);

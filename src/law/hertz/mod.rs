@@ -42,7 +42,7 @@ pub mod jkr;
 pub use constants::Constants;
 
 use super::kernel::{
-    Action, Contact, Kept, Model, Spread, Turning, carried, reduced_mass, within_limit,
+    Action, Contact, InPlane, Kept, Model, Spread, Turning, carried, reduced_mass, within_limit,
 };
 use super::{About, Body, Hardest};
 use crate::contact::{StateColumn, curvature};
@@ -132,6 +132,8 @@ pub(super) struct Elastic<L> {
     dashpots: [L; 2],
     /// `√R`, of contacts by curvature; 1 until it is known [√m].
     root_of_radius: L,
+    /// Of both bodies [1/kg].
+    inverse_mass: L,
 }
 
 impl Elastic<f64> {
@@ -147,6 +149,7 @@ impl Elastic<f64> {
             friction: constants.friction,
             dashpots: [dashpot(1.5 * normal), dashpot(tangential)],
             root_of_radius: 1.0,
+            inverse_mass: 1.0 / mass,
         }
     }
 }
@@ -224,12 +227,19 @@ impl Hertz {
         }
     }
 
-    /// Force along the normal [N]; `root` is that of the overlap.
+    /// Force along the normal [N]; `root` is that of the overlap, `state` of the last step.
     #[inline(always)]
-    fn press<L: Lanes>(&self, elastic: &Elastic<L>, contact: &Contact<L>, root: L) -> L {
+    fn press<L: Lanes>(
+        &self,
+        elastic: &Elastic<L>,
+        contact: &Contact<L>,
+        root: L,
+        state: &[L],
+    ) -> L {
         let mut force = elastic.normal * root * contact.overlap * contact.gain;
         if self.damped {
-            force = force + elastic.dashpots[0] * root.sqrt() * contact.approach * contact.gain;
+            let dashpot = elastic.dashpots[0] * root.sqrt() * contact.gain;
+            force = contact.damped(force, dashpot, elastic.inverse_mass, self.pressed(state));
             if self.settings.limit_damping {
                 let zero = L::all(0.0);
                 force = zero.or(force, force.less(zero));
@@ -246,7 +256,7 @@ impl Hertz {
         elastic: &Elastic<L>,
         contact: &Contact<L>,
         (root, press): (L, L),
-        (before, last_radius): (Triple<L>, Option<L>),
+        Before { carried, force: last_force, radius: last_radius }: Before<L>,
     ) -> (Triple<L>, Triple<L>, Kept<L>) {
         let (zero, one) = (L::all(0.0), L::all(1.0));
         let stiffness = elastic.tangential * root;
@@ -261,20 +271,36 @@ impl Hertz {
         let shrunk = ratio.or(one, shrinks);
         let mean = mean_while_growing(one - ratio).or(one, grows);
         let stretch = contact.sliding.times(contact.lasted * stiffness * mean);
-        let spring = before.times(shrunk).plus(stretch);
-        let viscous = if self.damped {
-            contact.sliding.times(elastic.dashpots[1] * root.sqrt())
-        } else {
-            Triple::zero()
-        };
-        let force = spring.plus(viscous);
+        let spring = carried.times(shrunk).plus(stretch);
+        let (mut force, mut dashpot) = (spring, None);
+        if self.damped {
+            let of_plane = elastic.dashpots[1] * root.sqrt();
+            let in_plane = InPlane::of(contact, of_plane, elastic.inverse_mass, last_force);
+            force = in_plane.beside(spring);
+            dashpot = Some(in_plane);
+        }
         let limit = elastic.friction * press.or(zero, zero.less(press));
         let kept = within_limit(force, limit, contact);
         let slides = kept.force.less(one);
         let limited = force.times(kept.force);
-        let spring = limited.minus(viscous).or(spring, slides).times(kept.remains);
+        let mut elastic = limited;
+        if let Some(dashpot) = dashpot {
+            elastic = limited.minus(dashpot.part_of(limited));
+        }
+        let spring = elastic.or(spring, slides).times(kept.remains);
         (limited.or(force, slides).times(kept.remains), spring, kept)
     }
+}
+
+/// What a contact remembers in its plane.
+#[derive(Clone, Copy)]
+struct Before<L> {
+    /// The elastic force, carried into the plane of now [N].
+    carried: Triple<L>,
+    /// The same where it was [N].
+    force: Triple<L>,
+    /// The contact radius [m]; `None` if it follows from the overlap.
+    radius: Option<L>,
 }
 
 /// Of a shape with its bounding radius [m], see [`Hertz::radii`].
@@ -382,6 +408,7 @@ impl Model for Hertz {
         Needs {
             velocity,
             spin: self.frictional,
+            ahead: self.damped,
             friction: self.frictional,
             tangential_dashpots: self
                 .settings
@@ -413,6 +440,7 @@ impl Model for Hertz {
             friction: of.of(|c| c.friction),
             dashpots: [of.of(|c| c.dashpots[0]), of.of(|c| c.dashpots[1])],
             root_of_radius: L::all(1.0),
+            inverse_mass: of.of(|c| c.inverse_mass),
         }
     }
 
@@ -425,6 +453,7 @@ impl Model for Hertz {
             friction: elastic.friction,
             dashpots: [elastic.dashpots[0] * of_dashpot, elastic.dashpots[1] * of_dashpot],
             root_of_radius,
+            inverse_mass: elastic.inverse_mass,
         }
     }
 
@@ -457,14 +486,15 @@ impl Model for Hertz {
     ) -> Action<L> {
         let zero = Triple::zero();
         let root = root(contact.overlap);
-        let press = self.press(elastic, contact, root);
+        let press = self.press(elastic, contact, root, state);
         let (mut spring, mut rub, mut kept) = (zero, zero, Kept::all());
         let frictional = elastic.frictional();
         if frictional != 0 {
-            let carried = carried(self.tangential(state), contact);
-            let last_radius = if self.curved { Some(state[state.len() - 1]) } else { None };
-            let (force, stretched, left) =
-                self.rub(elastic, contact, (root, press), (carried, last_radius));
+            let last = self.tangential(state);
+            let carried = carried(last, contact);
+            let radius = if self.curved { Some(state[state.len() - 1]) } else { None };
+            let before = Before { carried, force: last, radius };
+            let (force, stretched, left) = self.rub(elastic, contact, (root, press), before);
             // At the start of a stage no time has passed: what is elastic stays as it was.
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);

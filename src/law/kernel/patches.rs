@@ -138,6 +138,9 @@ impl Memory {
     }
 }
 
+/// Where nothing is foreseen.
+const NO_GAINS: [[Vec3; 2]; 2] = [[Vec3::new(0.0, 0.0, 0.0); 2]; 2];
+
 /// How two bodies move, and where they are.
 struct Motion {
     /// From the centre of A to that of B, now and at the last step [m].
@@ -146,6 +149,8 @@ struct Motion {
     velocity: [Vec3; 2],
     /// [rad/s]
     spin: [Vec3; 2],
+    /// What `velocity` [m/s] and `spin` [rad/s] of each are foreseen to gain.
+    ahead: [[Vec3; 2]; 2],
     /// Of the surface of B against B in the plane of the contact, now and at the last step, if B is a belt [m/s].
     belt: [Vec3; 2],
     /// Is B a wall?
@@ -162,14 +167,23 @@ impl Motion {
         let spin = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
         let belt = normals.map(|normal| particles.belt_at(pair.b, normal));
         let with_wall = pair.b.index() >= particles.first_facet();
-        Self { r: [r, r - (velocity[1] - velocity[0]) * dt], velocity, spin, belt, with_wall }
+        let ahead = if dt > 0.0 { bodies.map(|k| particles.ahead_of(k)) } else { NO_GAINS };
+        let last = r - (velocity[1] - velocity[0]) * dt;
+        Self { r: [r, last], velocity, spin, ahead, belt, with_wall }
     }
 
     /// Where nobody asks for velocities.
     fn none(pair: Pair, particles: &Particles) -> Self {
         let r = particles.bodies().relative(pair);
         let zeros = [Vec3::zeros(); 2];
-        Self { r: [r; 2], velocity: zeros, spin: zeros, belt: zeros, with_wall: false }
+        let (velocity, spin, belt) = (zeros, zeros, zeros);
+        Self { r: [r; 2], velocity, spin, ahead: NO_GAINS, belt, with_wall: false }
+    }
+
+    /// See [`Contact::ahead`] [m/s].
+    fn ahead(&self, point: &Vec3) -> Vec3 {
+        let [[of_a, spin_a], [of_b, spin_b]] = &self.ahead;
+        of_a - of_b + spin_a.cross(point) - spin_b.cross(&(point - self.r[0]))
     }
 
     /// See [`super::Motion::midway`] [m/s].
@@ -331,8 +345,12 @@ impl<M: Model> Contacts<'_, '_, M> {
         let belts = if MOVES && with_walls { super::belts::<L>(particles, b) } else { None };
         let belts = motion.carried_by(belts, [&now, &last]);
 
-        let contact = motion.contact(&last, &now, dt).timed(zero);
+        let mut contact = motion.contact(&last, &now, dt).timed(zero);
         let last_acting = law.model.last(&constants, last.overlap, state);
+        if law.needs.tangential_dashpots {
+            let along = last.normal.times(before.force.dot(last.normal));
+            contact.last_viscous = before.force.minus(along).minus(last_acting.rub);
+        }
         let turned_before =
             if M::MOMENTS { law.model.turned(&constants, last.overlap, state) } else { zero };
         let acting = law.model.act(&constants, &contact, state);
@@ -579,11 +597,16 @@ impl<M: Model> Contacts<'_, '_, M> {
             law.model.turned(&constants, last.overlap, state),
         );
         let turning = law.model.turning(&constants, overlap);
+        let last_viscous = if law.needs.tangential_dashpots {
+            before.in_plane(&last.normal) - vector(last_action.rub)
+        } else {
+            Vec3::zeros()
+        };
         let Acting { force, moment, memory, of_model, viscous, sticks, stored } = self.acting(
             place,
             &constants,
             [&last_turning, &turning],
-            (&last, &before),
+            (&last, &before, &last_viscous),
             &motion,
             state,
         );
@@ -594,10 +617,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         if law.needs.velocity && dt > 0.0 {
             let of_last = if M::MOMENTS { vector(last_action.moment) } else { Vec3::zeros() };
             let damps = sticks && law.needs.tangential_dashpots;
-            let last_viscous =
-                damps.then(|| before.in_plane(&last.normal) - vector(last_action.rub));
             let powers = before
-                .powers(&last.normal, &of_last, last_viscous, (&motion, 1))
+                .powers(&last.normal, &of_last, damps.then_some(last_viscous), (&motion, 1))
                 .and(memory.powers(&normal, &of_model, damps.then_some(viscous), (&motion, 0)));
             let turning = law.model.turned(&constants, overlap, state);
             let stored = Stored::of([0.0, stored], turning);
@@ -631,7 +652,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         place: usize,
         constants: &M::Constants<f64>,
         [last_turning, turning]: [&Turning; 2],
-        (last, before): (&Geometry, &Memory),
+        (last, before, last_viscous): (&Geometry, &Memory, &Vec3),
         motion: &Motion,
         state: &mut [f64],
     ) -> Acting {
@@ -650,6 +671,8 @@ impl<M: Model> Contacts<'_, '_, M> {
             gain: patch.gain,
             approach,
             sliding: triple(&sliding),
+            ahead: triple(&motion.ahead(&point)),
+            last_viscous: triple(last_viscous),
             twist: 0.5 * dt * spin.dot(&normal),
             turning: triple(&motion.turning()),
             touched: u8::from(last.touched()),

@@ -15,7 +15,8 @@ mod constants;
 pub use constants::{Constants, damping_ratio_of_restitution};
 
 use super::kernel::{
-    Action, Contact, Kept, Model, Spread, Turning, carried, dashpot, reduced_mass, within_limit,
+    Action, Contact, InPlane, Kept, Model, Spread, Turning, carried, dashpot, reduced_mass,
+    within_limit,
 };
 use super::{About, Body, Hardest};
 use crate::contact::StateColumn;
@@ -94,6 +95,8 @@ pub(crate) struct Springs<L> {
     friction: L,
     /// Normal and tangential dashpots [N s/m].
     dashpots: [L; 2],
+    /// Of both bodies [1/kg].
+    inverse_mass: L,
 }
 
 impl<L: Lanes> Springs<L> {
@@ -115,10 +118,11 @@ impl<L: Lanes> Springs<L> {
 impl Linear {
     /// Spring and dashpot along the normal [N].
     #[inline(always)]
-    fn press<L: Lanes>(&self, springs: &Springs<L>, contact: &Contact<L>) -> L {
+    fn press<L: Lanes>(&self, springs: &Springs<L>, contact: &Contact<L>, state: &[L]) -> L {
         let mut force = springs.normal * contact.overlap * contact.gain;
         if self.damped {
-            force = force + springs.dashpots[0] * contact.approach * contact.gain;
+            let (dashpot, last) = (springs.dashpots[0] * contact.gain, state[state.len() - 1]);
+            force = contact.damped(force, dashpot, springs.inverse_mass, last);
             if self.limit_damping {
                 let zero = L::all(0.0);
                 force = zero.or(force, force.less(zero));
@@ -127,7 +131,7 @@ impl Linear {
         force
     }
 
-    /// Spring, dashpot and friction in the contact plane from what was carried over of the spring [m]: the tangential force of A on
+    /// Spring, dashpot and friction in the contact plane from what was carried over of the spring, and what it was in the last step [m]: the tangential force of A on
     /// B [N], and the spring [m]. Where
     /// they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it. The third is what
     /// the limit leaves.
@@ -136,23 +140,27 @@ impl Linear {
         &self,
         springs: &Springs<L>,
         normal_force: L,
-        carried: Triple<L>,
+        (carried, last): (Triple<L>, Triple<L>),
         contact: &Contact<L>,
     ) -> (Triple<L>, Triple<L>, Kept<L>) {
         let zero = L::all(0.0);
         let Contact { sliding, lasted, .. } = *contact;
         let spring = carried.plus(sliding.times(lasted));
         let mut force = spring.times(springs.tangential);
+        let mut dashpot = None;
         if self.damped {
-            force = force.plus(sliding.times(springs.dashpots[1]));
+            let last = last.times(springs.tangential);
+            let in_plane = InPlane::of(contact, springs.dashpots[1], springs.inverse_mass, last);
+            force = in_plane.beside(force);
+            dashpot = Some(in_plane);
         }
         let limit = springs.friction * normal_force.or(zero, zero.less(normal_force));
         let kept = within_limit(force, limit, contact);
         let slides = kept.force.less(L::all(1.0));
         let limited = force.times(kept.force);
         let mut elastic = limited;
-        if self.damped {
-            elastic = elastic.minus(sliding.times(springs.dashpots[1]));
+        if let Some(dashpot) = dashpot {
+            elastic = limited.minus(dashpot.part_of(limited));
         }
         let stretched = elastic.over(springs.tangential);
         let stretched = stretched.or(Triple::zero(), zero.less(springs.tangential));
@@ -209,6 +217,7 @@ impl Model for Linear {
         Needs {
             velocity: self.frictional || dashpot,
             spin: self.frictional,
+            ahead: self.damped,
             friction: self.frictional,
             tangential_dashpots: self
                 .interactions
@@ -234,6 +243,7 @@ impl Model for Linear {
                 dashpot(constants.normal_damping_ratio, mass, normal_stiffness),
                 dashpot(constants.tangential_damping_ratio, mass, tangential_stiffness),
             ],
+            inverse_mass: 1.0 / mass,
         }
     }
 
@@ -244,6 +254,7 @@ impl Model for Linear {
             tangential: of.of(|c| c.tangential),
             friction: of.of(|c| c.friction),
             dashpots: [of.of(|c| c.dashpots[0]), of.of(|c| c.dashpots[1])],
+            inverse_mass: of.of(|c| c.inverse_mass),
         }
     }
 
@@ -273,12 +284,13 @@ impl Model for Linear {
         state: &mut [L],
     ) -> Action<L> {
         let zero = Triple::zero();
-        let press = self.press(springs, contact);
+        let press = self.press(springs, contact, state);
         let (mut spring, mut rub, mut kept) = (zero, zero, Kept::all());
         let frictional = springs.frictional();
         if frictional != 0 {
-            let carried = carried(self.spring(state), contact);
-            let (friction, stretched, left) = self.rub(springs, press, carried, contact);
+            let last = self.spring(state);
+            let carried = carried(last, contact);
+            let (friction, stretched, left) = self.rub(springs, press, (carried, last), contact);
             // At the start of a stage no time has passed: a spring stays as it was.
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);

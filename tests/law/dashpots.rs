@@ -1,0 +1,105 @@
+//! Dashpots are of second order in the step: rebounds of closed form, the mean over 16 phases of the first touch, at 25 to 200 steps a
+//! contact. A dashpot acts at once, wherever in a step a contact begins: a single touch is of first order.
+
+use super::touch_and_end::{Impact, RADIUS, SPEED, STIFFNESS, mass, text};
+use dem_mpi::math::Vec3;
+use std::f64::consts::PI;
+
+/// A law with a material, and how long an elastic contact takes [s].
+struct Balls {
+    law: String,
+    material: String,
+    duration: f64,
+}
+
+impl Balls {
+    fn linear() -> Self {
+        Self {
+            law: "[law]\n".to_owned(),
+            material: format!("normal_stiffness = {STIFFNESS}\nfriction = 0.1"),
+            duration: PI * (mass() / STIFFNESS).sqrt(),
+        }
+    }
+
+    fn hertz() -> Self {
+        let (youngs, poisson) = (1e8, 0.3);
+        // The floor is of the same material.
+        let modulus = 0.5 * youngs / (1.0 - poisson * poisson);
+        let stiffness = 4.0 / 3.0 * modulus * RADIUS.sqrt();
+        let largest = (1.25 * mass() * SPEED * SPEED / stiffness).powf(0.4);
+        Self {
+            law: "[law]\nnormal = \"hertz\"\nlargest_overlap = 0.1\n".to_owned(),
+            material: format!(
+                "youngs_modulus = {youngs}\npoisson_ratio = {poisson}\nfriction = 0.1"
+            ),
+            duration: 2.943_275 * largest / SPEED,
+        }
+    }
+
+    /// One that falls on the floor, with more lines of law and material.
+    fn falls(&self, law: &str, material: &str) -> Impact {
+        let shape = format!("kind = \"sphere\"\nradius = {RADIUS}");
+        let (law, material) =
+            (format!("{}{law}", self.law), format!("{}\n{material}", self.material));
+        Impact {
+            text: text(&law, &shape, &material),
+            height: RADIUS,
+            velocity: Vec3::z() * -SPEED,
+            spin: Vec3::zeros(),
+            inertia: 0.4 * mass() * RADIUS * RADIUS,
+            duration: self.duration,
+        }
+    }
+}
+
+/// Mean errors at 25 to 200 steps a contact, and the order with which they fall.
+fn errors(impact: &Impact, right: f64, read: impl Fn(&Vec3, &Vec3) -> f64) -> ([f64; 4], f64) {
+    let errors = [25.0, 50.0, 100.0, 200.0].map(|steps| impact.mean(steps, &read) - right);
+    (errors, (errors[0] / errors[3]).abs().log2() / 3.0)
+}
+
+/// Contacts end where the force falls to nothing, or with `limit_damping = false` where the overlap does. Either way the restitution is
+/// that which was asked for.
+#[test]
+fn a_ball_leaves_with_its_restitution() {
+    for (balls, name) in [(Balls::linear(), "linear"), (Balls::hertz(), "hertz")] {
+        for (restitution, most) in [(0.2, 5e-4), (0.5, 4e-4), (0.9, 1e-4)] {
+            let material = format!("restitution = {restitution}");
+            let of_speed = |v: &Vec3, _: &Vec3| v.z / SPEED;
+            let (found, order) = errors(&balls.falls("", &material), restitution, of_speed);
+            println!("{name} e = {restitution}: {found:?}, order {order:.2}");
+            assert!(found[0].abs() < most && found[3].abs() < most / 40.0, "{name}: {found:?}");
+            // Where two parts of an error cancel it need not fall evenly.
+            let is_even = name == "linear";
+            assert!(!is_even || (order - 2.0).abs() < 0.1, "{name}: order {order}");
+            let attracts = balls.falls("limit_damping = false", &material);
+            let (found, _) = errors(&attracts, restitution, of_speed);
+            println!("{name} e = {restitution}, attracting: {found:?}");
+            assert!(found[0].abs() < 1e-3 && found[3].abs() < 2e-4, "{name}: {found:?}");
+        }
+    }
+}
+
+/// `u' = u e^(-γt) (cos Ωt - γ/Ω sin Ωt)` with `γ = 7/4 c_t/m` and `Ω² = 7/2 k_t/m - γ²`, at the end of an elastic contact.
+#[test]
+fn what_sticks_leaves_with_what_its_dashpot_has_left() {
+    let (ratio, damping) = (2.0_f64 / 7.0, 0.3);
+    let balls = Balls::linear();
+    let dashpot = 2.0 * damping * (ratio * STIFFNESS * mass()).sqrt();
+    let rate = 1.75 * dashpot / mass();
+    let frequency = (3.5 * ratio * STIFFNESS / mass() - rate * rate).sqrt();
+    let (sin, cos) = (frequency * balls.duration).sin_cos();
+    let right = (-rate * balls.duration).exp() * (cos - rate / frequency * sin);
+    let material = format!(
+        "normal_stiffness = {STIFFNESS}\ntangential_stiffness = {}\ntangential_damping_ratio = {damping}\nfriction = 1e6",
+        ratio * STIFFNESS
+    );
+    let slip = 0.3 * SPEED;
+    let mut impact = Balls { material, ..balls }.falls("", "restitution = 1");
+    impact.velocity += Vec3::x() * slip;
+    let left = |velocity: &Vec3, spin: &Vec3| (velocity.x - spin.y * RADIUS) / slip;
+    let (found, order) = errors(&impact, right, left);
+    println!("{found:?}, order {order:.2}");
+    assert!(found[0].abs() < 2e-3, "{found:?}");
+    assert!(order > 1.8, "{found:?}: order {order}");
+}
