@@ -155,15 +155,11 @@ pub fn kick_and_drift(particles: &mut Particles, field: &Field, dt: f64) -> Fart
     if particles.needs.ahead {
         ahead::foresee(particles, field, dt);
     }
-    let farthest = if particles.needs.scale {
+    if particles.needs.scale {
         kick_and_drift_of::<true>(particles, field, dt)
     } else {
         kick_and_drift_of::<false>(particles, field, dt)
-    };
-    if particles.needs.ahead {
-        ahead::foresee_turns(particles);
     }
-    farthest
 }
 
 fn kick_and_drift_of<const SIZED: bool>(

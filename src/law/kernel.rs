@@ -118,6 +118,8 @@ pub struct Contact<L> {
     pub torsion: L,
     /// Time since the last step [s]; 0 at the start of a stage.
     pub dt: f64,
+    /// Which of them have begun since the last step.
+    pub begun: u8,
     /// Time in contact since the last step [s]: `dt`, or less where contacts have begun since then.
     pub lasted: L,
     /// Which of them end within the next step.
@@ -140,6 +142,7 @@ impl<L: Lanes> Contact<L> {
         }
         let part = self.overlap / way;
         let begins = begins & zero.less(part) & part.less(one);
+        self.begun = begins;
         self.lasted = (self.lasted * part).or(self.lasted, begins);
         self.left = zero - to_end / way;
         self.ends = zero.less(self.left) & self.left.less(one);
@@ -1348,6 +1351,7 @@ impl<L: Eight> Motion<L> {
             extended: false,
             torsion: L::all(0.0),
             dt,
+            begun: 0,
             lasted: L::all(dt),
             ends: 0,
             left: L::all(1.0),

@@ -1,8 +1,11 @@
-//! Dashpots are of second order in the step: rebounds of closed form, the mean over 16 phases of the first touch, at 25 to 200 steps a
-//! contact. A dashpot acts at once, wherever in a step a contact begins: a single touch is of first order.
+//! Dashpots are of second order in the step: rebounds of closed form at 25 to 200 steps a contact, the mean over 16 phases of the first touch
+//! in its step, and the worst of them.
 
 use super::touch_and_end::{Impact, RADIUS, SPEED, STIFFNESS, mass, text};
+use crate::support::{Bench, scene};
+use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
+use dem_mpi::particles::records::Particle;
 use std::f64::consts::PI;
 
 /// A law with a material, and how long an elastic contact takes [s].
@@ -63,19 +66,27 @@ fn errors(impact: &Impact, right: f64, read: impl Fn(&Vec3, &Vec3) -> f64) -> ([
 #[test]
 fn a_ball_leaves_with_its_restitution() {
     for (balls, name) in [(Balls::linear(), "linear"), (Balls::hertz(), "hertz")] {
-        for (restitution, most) in [(0.2, 5e-4), (0.5, 4e-4), (0.9, 1e-4)] {
+        for (restitution, most) in [(0.2, 2e-3), (0.5, 1e-3), (0.9, 3e-4)] {
             let material = format!("restitution = {restitution}");
             let of_speed = |v: &Vec3, _: &Vec3| v.z / SPEED;
-            let (found, order) = errors(&balls.falls("", &material), restitution, of_speed);
+            let falls = balls.falls("", &material);
+            let (found, order) = errors(&falls, restitution, of_speed);
             println!("{name} e = {restitution}: {found:?}, order {order:.2}");
+            let worst = [25.0, 100.0].map(|steps| {
+                let off = falls.of_phases(steps, of_speed).into_iter();
+                off.map(|speed| (speed - restitution).abs()).fold(0.0, f64::max)
+            });
+            println!("{name} e = {restitution}, worst phase: {worst:?}");
+            assert!(worst[0] < 4.0 * most && worst[1] < worst[0] / 10.0, "{name}: {worst:?}");
             assert!(found[0].abs() < most && found[3].abs() < most / 40.0, "{name}: {found:?}");
             // Where two parts of an error cancel it need not fall evenly.
             let is_even = name == "linear";
-            assert!(!is_even || (order - 2.0).abs() < 0.1, "{name}: order {order}");
+            assert!(!is_even || order > 1.9, "{name}: order {order}");
             let attracts = balls.falls("limit_damping = false", &material);
             let (found, _) = errors(&attracts, restitution, of_speed);
             println!("{name} e = {restitution}, attracting: {found:?}");
-            assert!(found[0].abs() < 1e-3 && found[3].abs() < 2e-4, "{name}: {found:?}");
+            // The pull of the dashpot ends at once, wherever in a step that is.
+            assert!(found[0].abs() < 3e-3 && found[3].abs() < 3e-4, "{name}: {found:?}");
         }
     }
 }
@@ -102,4 +113,57 @@ fn what_sticks_leaves_with_what_its_dashpot_has_left() {
     println!("{found:?}, order {order:.2}");
     assert!(found[0].abs() < 2e-3, "{found:?}");
     assert!(order > 1.8, "{found:?}: order {order}");
+}
+
+/// Five balls that are pressed between two plates, the middle one pushed up and aside: each force changes what all dashpots feel. Against
+/// a fortieth of the step.
+#[test]
+fn a_pressed_stack_swings_with_second_order() {
+    for balls in [Balls::linear(), Balls::hertz()] {
+        let apart = 1.98 * RADIUS;
+        let height = 5.0 * apart;
+        let material =
+            format!("{}\ntangential_damping_ratio = 0.2\nrestitution = 0.5", balls.material);
+        let material = if balls.law.contains("hertz") {
+            format!("{}\nrestitution = 0.5", balls.material)
+        } else {
+            material
+        }
+        .replace("friction = 0.1", "friction = 10");
+        let shape = format!("kind = \"sphere\"\nradius = {RADIUS}");
+        let domain = format!(
+            "[domain]\nlow = [-1, -1, 0]\nhigh = [1, 1, {height}]\nwalls = [\"-z\", \"+z\"]\n"
+        );
+        let scene_of = |dt: f64| {
+            let mut scene = scene(&format!("{domain}{}", text(&balls.law, &shape, &material)));
+            scene.dt = dt;
+            scene
+        };
+        let stack: Vec<_> = (0..5)
+            .map(|k| Particle {
+                velocity: if k == 2 { Vec3::new(0.3, 0.0, 1.0) * SPEED } else { Vec3::zeros() },
+                ..Particle::at_rest(GlobalId(k), ShapeId(0), Vec3::z() * (apart * (k as f64 + 0.5)))
+            })
+            .collect();
+        // As pressed as 0.02 radii: a contact of Hertz is as stiff as that for a longer time.
+        let time = if balls.law.contains("hertz") { 0.1 * balls.duration } else { balls.duration };
+        let end = |steps: u32| {
+            let mut bench = Bench::of(&scene_of(time / f64::from(steps)), &stack);
+            for _ in 0..steps {
+                bench.step();
+            }
+            let places = (0..5).map(|id| bench.sim.particles.position[bench.slot(id)]);
+            places.collect::<Vec<_>>()
+        };
+        let right = end(4000);
+        let off = |steps: u32| {
+            let apart =
+                end(steps).into_iter().zip(&right).map(|(found, right)| (found - right).norm());
+            apart.fold(0.0, f64::max) / (SPEED * time)
+        };
+        let errors = [50, 100, 200].map(off);
+        let order = (errors[0] / errors[2]).log2() / 2.0;
+        println!("{errors:?}, order {order:.2}");
+        assert!(order > 1.8 && errors[0] < 5e-3, "{errors:?}: order {order}");
+    }
 }

@@ -62,6 +62,11 @@ impl Impact {
 
     /// What `read` sees of the grain afterwards, its mean over the phases, with so many steps while it touches.
     pub(super) fn mean(&self, steps: f64, read: impl Fn(&Vec3, &Vec3) -> f64) -> f64 {
+        self.of_phases(steps, read).iter().sum::<f64>() / f64::from(PHASES)
+    }
+
+    /// What `read` sees of the grain afterwards, of each phase of the first touch in its step.
+    pub(super) fn of_phases(&self, steps: f64, read: impl Fn(&Vec3, &Vec3) -> f64) -> Vec<f64> {
         let dt = self.duration / steps;
         let mut scene = scene(&self.text);
         scene.dt = dt;
@@ -89,7 +94,7 @@ impl Impact {
         let particles = &bench.sim.particles;
         let spin = particles.spin.as_ref().expect("friction turns grains");
         let of_phase = |slot: usize| read(&particles.velocity[slot], &spin.angular_velocity[slot]);
-        (0..PHASES as usize).map(of_phase).sum::<f64>() / f64::from(PHASES)
+        (0..PHASES as usize).map(of_phase).collect()
     }
 
     /// The error beside what is right is this small at most at 12.5 steps, and falls with second order.

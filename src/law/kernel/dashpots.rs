@@ -4,20 +4,18 @@
 //! ([`crate::motion::ahead`]). In `e` the contact's own force `F` is that of earlier steps. It goes out for the force of now, which is
 //! solved for:
 //!
-//! `F = k δ + c (v + e + r F' - r F)`, `r = 6/5 h/m`,
+//! `F = k δ + c (v + e + r F' - r F)`, `r = h/m`,
 //!
-//! with the last force `F'`. Any `r` is of second order. That of a mass `m` and 3/2 would bring the own force to the time of the
-//! positions to second order; a little less leaves soft dashpots of lone pairs the step that they have without any of this. In the
-//! contact plane `1/m` is 7/2 of that along the normal, as of spheres.
+//! with the last force `F'`. Any `r` is of second order. In the contact plane it is 7/2 of that along the normal, as of spheres.
 //!
-//! With the part `s` of what resists a motion in each contact's own force, the stable step has `ω² Δt² + (3 - 24/5 s) γ Δt <= 4`. Where forces
+//! With the part `s` of what resists a motion in each contact's own force, the stable step has `ω² Δt² + (3.1 - 4 s) γ Δt <= 4`. Where forces
 //! feel the velocity of half a step before it has `ω² Δt² + 2 γ Δt <= 4`.
+//!
+//! A contact begins between two steps. Its first force acts from then on until half a step after the positions: for `s + 1/2` of a step,
+//! so the dashpot counts as much.
 
 use super::Contact;
 use crate::lanes::{Lanes, Triple};
-
-/// Of a contact's own force, see above [-].
-const OWN: f64 = 1.2;
 
 /// Acceleration of two surfaces in the plane over the force between them and `1/m`, of spheres [-].
 const IN_PLANE: f64 = 3.5;
@@ -26,13 +24,24 @@ impl<L: Lanes> Contact<L> {
     /// `r` of a reduced mass `m`, given `1/m` [1/kg]: [s/kg].
     #[inline(always)]
     fn own(&self, inverse_mass: L) -> L {
-        L::all(0.5 * OWN * self.dt) * inverse_mass
+        L::all(0.5 * self.dt) * inverse_mass
+    }
+
+    /// A dashpot as it counts where contacts have begun since the last step [N s/m].
+    #[inline(always)]
+    fn timely(&self, dashpot: L) -> L {
+        if self.begun == 0 {
+            return dashpot;
+        }
+        let weight = L::all(0.5) + self.lasted * L::all(1.0 / self.dt);
+        (dashpot * weight).or(dashpot, self.begun)
     }
 
     /// The force along the normal [N] of a spring with the force `elastic` [N] and a dashpot [N s/m]; `last` is that of the last
     /// step [N], `inverse_mass` of both bodies [1/kg].
     #[inline(always)]
     pub fn damped(&self, elastic: L, dashpot: L, inverse_mass: L, last: L) -> L {
+        let dashpot = self.timely(dashpot);
         let own = self.own(inverse_mass);
         let approach = self.approach + self.ahead.dot(self.normal) + own * last;
         (elastic + dashpot * approach) / (L::all(1.0) + dashpot * own)
@@ -54,6 +63,7 @@ impl<L: Lanes> InPlane<L> {
     /// Of a contact whose last elastic force in the plane is known [N], see [`Contact::damped`].
     #[inline(always)]
     pub fn of(contact: &Contact<L>, dashpot: L, inverse_mass: L, last_elastic: Triple<L>) -> Self {
+        let dashpot = contact.timely(dashpot);
         let own = contact.own(inverse_mass) * L::all(IN_PLANE);
         let last = last_elastic.plus(contact.last_viscous);
         let foreseen = contact.ahead.plus(last.times(own));

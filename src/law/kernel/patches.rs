@@ -679,6 +679,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             extended: law.is_extended(self.work.pairs[place], self.particles),
             torsion: 0.0,
             dt,
+            begun: 0,
             lasted: dt,
             ends: 0,
             left: 1.0,
