@@ -329,12 +329,12 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
             state(arguments, &scene, comm)
                 .and_then(|(mut sim, _)| begins(arguments, &scene, &mut sim, comm))
         } else {
-            tried(&scene, comm)
+            tried(arguments, &scene, comm)
         };
         return fits.err().unwrap_or(printed);
     }
     if arguments.check && scene.start.is_none() && arguments.start.is_none() {
-        let tried = tried(&scene, comm);
+        let tried = tried(arguments, &scene, comm);
         return tried.map_or_else(|status| status, |()| checked(arguments, comm));
     }
 
@@ -356,9 +356,8 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         Ok(state) => state,
         Err(status) => return status,
     };
-    if let Err(words) = scene.stop.check(&sim) {
-        print_once(comm, format!("{}: {words}", arguments.scene().display()));
-        return WRONG_INPUT;
+    if let Err(status) = has_columns(arguments, &scene, &sim, comm) {
+        return status;
     }
     if arguments.check {
         let begins = begins(arguments, &scene, &mut sim, comm);
@@ -521,7 +520,7 @@ fn fits(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
 const TRIED: u64 = 1_000_000;
 
 /// Puts the particles where a run that begins with this scene would have them, and looks for overlaps, as the run would.
-fn tried(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
+fn tried(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
     fits(scene, comm)?;
     let count: u64 = scene.initial.iter().map(Fill::count).sum();
     if count > TRIED {
@@ -534,8 +533,22 @@ fn tried(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
         return Ok(());
     }
     let mut sim = assemble::assemble(scene, comm);
+    has_columns(arguments, scene, &sim, comm)?;
     assemble::fill(&mut sim, scene, comm);
     run::begin(&mut sim, comm).map_err(|error| failed(&error, "", &sim, false, comm))
+}
+
+/// Are the columns there that `[stop]` names?
+fn has_columns(
+    arguments: &Arguments,
+    scene: &Scene,
+    sim: &Simulation,
+    comm: &dyn Comm,
+) -> Result<(), u8> {
+    scene.stop.check(sim).map_err(|words| {
+        print_once(comm, format!("{}: {words}", arguments.scene().display()));
+        WRONG_INPUT
+    })
 }
 
 /// Looks for overlaps where a stage begins with a snapshot, and for what they make of its step. One that goes on has none.

@@ -148,8 +148,7 @@ const DRAG: &str = "a [[group]] has the `drag` of a fluid whose velocity is give
 /// A cell that is pressed or strained.
 pub(super) const CELL: &str = "a periodic cell is pressed and strained by [cell], with a `stress` or a `rate` of each component";
 const OF_ONE: &str = "it is of one material; say it in [[material]]";
-const REACHED: &str = "a stage does not end by that; instead drive the wall by a [[servo]] with the `stress` and a `max_speed`, and let \
-     `servo` end the stage, or set time.duration to the strain over its rate";
+const REACHED: &str = "`when` ends a stage by any column of history.csv: when = [{ column = \"stress_lid_Pa\", above = 1e6 }]";
 
 /// What stands behind "no such key" or "no such choice" if a table or a choice asks for something that is not there.
 /// Nothing where the suggestion has a guess.

@@ -3,6 +3,7 @@
 pub mod audit;
 pub mod capture;
 pub mod floor;
+mod history;
 mod leavers;
 pub mod report;
 pub mod run;

@@ -2,7 +2,8 @@
 
 use super::Simulation;
 use super::floor::{Floor, Needed};
-use super::run::{Ending, Finish, counted};
+use super::history::counted;
+use super::run::{Ending, Finish};
 use super::sizes::sizes;
 use super::start::DEEPEST_START;
 use super::watch::Watch;

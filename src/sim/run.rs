@@ -1,12 +1,12 @@
 //! A run: steps, with outputs on schedule, until all is done.
 
+use super::history::own_columns;
 use super::start::{DEEPEST_START, check_overlaps};
 pub use super::stiffening::Over;
 use super::stiffening::{FOLLOWED_EVERY, Stiffening};
 use super::stop::Stop;
 use super::watch::{DEEPEST_ON_SURFACE, Fault};
 use super::{Simulation, StepError, steps_of};
-use crate::cell::AXES;
 use crate::comm::{Comm, agree, wire};
 use crate::domain::DomainError;
 use crate::drive::lists::Lists;
@@ -580,28 +580,6 @@ fn lists(sim: &mut Simulation, schedule: &Schedule) -> Result<Vec<List>, TableEr
     let keep = |step: u64| schedule.resumed && step <= last;
     let all = sim.all_observers_mut().filter_map(|observer| observer.lists());
     all.flat_map(|lists| lists.names()).map(|name| List::open(&schedule.out, name, keep)).collect()
-}
-
-/// The columns of the history that only some scenes have: forces on groups, and what drives have counted.
-pub(super) fn own_columns(sim: &Simulation, measures: &Measures) -> Vec<(String, f64)> {
-    let of_groups = sim.particles.groups.iter().enumerate().flat_map(|(k, group)| {
-        let three = |what: &str, all: &[Vec3], unit: &str| {
-            let vector = all.get(k).copied().unwrap_or_default();
-            AXES.iter()
-                .zip(vector.iter())
-                .map(|(axis, number)| (format!("{what}_{}_{axis}_{unit}", group.name), *number))
-                .collect::<Vec<_>>()
-        };
-        let torque = group.about.map(|_| three("torque", &measures.group_torques, "N_m"));
-        let force = three("force", &measures.group_forces, "N");
-        force.into_iter().chain(torque.into_iter().flatten())
-    });
-    of_groups.chain(counted(sim)).collect()
-}
-
-/// What drives have counted: columns of the history and numbers.
-pub(super) fn counted(sim: &Simulation) -> impl Iterator<Item = (String, f64)> {
-    sim.all_observers().flat_map(Reporter::counted)
 }
 
 /// The largest kinetic and elastic energy of the stage, that of now included [J].

@@ -1,11 +1,9 @@
 //! When a stage ends before its last step.
 
-use super::Simulation;
-use super::run::own_columns;
+use super::{Simulation, history};
 use crate::drive::{Reporter, Standing};
 use crate::math::Vec3;
 use crate::measure::Measures;
-use crate::output::table::{Columns, Row};
 use crate::walls::Wall;
 use serde::{Deserialize, Serialize};
 use std::fmt::{Display, Formatter};
@@ -79,9 +77,10 @@ impl Stop {
     /// # Errors
     /// A column that is not, with those that are.
     pub fn check(&self, sim: &Simulation) -> Result<(), String> {
-        let own = own_columns(sim, &Measures::default()).into_iter().map(|(name, _)| name);
-        let walls = &*sim.particles.walls;
-        let names = Columns::of(walls, sim.particles.cell).names(walls, &own.collect::<Vec<_>>());
+        if self.when.is_empty() {
+            return Ok(());
+        }
+        let names = history::names(sim);
         let wrong = self.when.iter().find(|when| !names.contains(&when.column));
         wrong.map_or(Ok(()), |When { column, .. }| {
             let names = names.join(", ");
@@ -94,13 +93,7 @@ impl Stop {
         if self.when.is_empty() {
             return Vec::new();
         }
-        let (own_names, own): (Vec<String>, Vec<f64>) =
-            own_columns(sim, measures).into_iter().unzip();
-        let (walls, forces) = (&*sim.particles.walls, &*measures.wall_forces);
-        let columns = Columns::of(walls, sim.particles.cell);
-        let names = columns.names(walls, &own_names);
-        let row = Row { step: sim.step, time: sim.time(), measures, forces, walls, own: &own };
-        let numbers = columns.numbers(&row);
+        let (names, numbers) = (history::names(sim), history::numbers(sim, measures));
         let is = |when: &When| {
             let column = names.iter().position(|name| *name == when.column);
             column.and_then(|column| numbers[column].parse().ok()).unwrap_or(f64::NAN)

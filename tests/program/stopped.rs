@@ -28,6 +28,8 @@ shapes = ["ball"]
 [time]
 step = 1e-5
 steps = 20000
+[output]
+directory = "out"
 {stop}
 "#
     );
@@ -52,7 +54,7 @@ fn a_fall_ends_where_its_column_crosses_the_limit() {
             let directory = fresh_directory(&format!("fallen_{step}_{launch:?}"));
             let ended = dem_mpi(launch, [&*falling(&directory, &stop)]).from(&directory).succeed();
             ended.said_once("[stop] reached");
-            let reader = Reader::open(&directory.join("output")).unwrap();
+            let reader = Reader::open(&directory.join("out")).unwrap();
             assert_eq!(reader.header().step, step, "{stop}");
         }
     }

@@ -22,6 +22,7 @@ use dem_mpi::scene::{
 };
 use dem_mpi::shape::Shape;
 use dem_mpi::sim::audit::Settings;
+use dem_mpi::sim::stop::When;
 use dem_mpi::walls::Wall;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -351,7 +352,9 @@ fn every_key_arrives() {
     assert_eq!((scene.dt, scene.steps), (1e-5, 100_000));
     let drives = vec![("servo".to_owned(), 0.01)];
     let (rest, unbalanced) = (Some(1e-5), Some(1e-3));
-    let stop = Stop { rest, unbalanced, drives, after: 0.05, ..Stop::default() };
+    let when = |column: &str, above, below| When { column: column.to_owned(), above, below };
+    let when = vec![when("top_m", None, Some(0.1)), when("coordination", Some(4.0), Some(12.0))];
+    let stop = Stop { rest, unbalanced, drives, when, after: 0.05, ..Stop::default() };
     assert_eq!(scene.stop, stop);
     assert_eq!((scene.skin, scene.imbalance), (0.001, 1.5));
     assert_eq!((scene.snapshot_every, scene.history_every), (1000, 10));
