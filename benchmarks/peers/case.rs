@@ -54,7 +54,7 @@ impl Case {
         );
         let law = scene.law.linear().context("a linear law is needed")?;
         ensure!(
-            scene.gravity.xy().norm() == 0.0 && law.limit_damping && scene.global_damping == 0.0,
+            scene.gravity.xy().norm() == 0.0 && law.dashpots.limited && scene.global_damping == 0.0,
             "{}: gravity along z, limited dashpots and no global damping are needed",
             file.display()
         );

@@ -101,9 +101,8 @@ pub struct Contact<L> {
     pub approach: L,
     /// Velocity of A's surface against B's in the contact plane [m/s].
     pub sliding: Triple<L>,
-    /// What the velocity of A's surface against B's is foreseen to gain until the time of the positions [m/s]; zero of laws without
-    /// dashpots, and at the start of a stage.
-    pub ahead: Triple<L>,
+    /// Velocity of A's surface against B's that is foreseen at the time of the positions [m/s].
+    pub foreseen: Triple<L>,
     /// The part of tangential dashpots in the last force; zero if there are none [N].
     pub last_viscous: Triple<L>,
     /// By how much the pair has turned about the normal since the last step [rad].
@@ -1243,7 +1242,8 @@ struct Motion<L> {
     turning: Triple<L>,
     /// What `velocity` has more where they were half a step ago, see [`Motion::midway`] [m/s].
     midway: Triple<L>,
-    /// What `velocity` is foreseen to gain, see [`Contact::ahead`] [m/s].
+    /// What `velocity` is foreseen to gain until the time of the positions [m/s]; zero of laws without dashpots, and at the start of a
+    /// stage.
     ahead: Triple<L>,
 }
 
@@ -1343,7 +1343,7 @@ impl<L: Eight> Motion<L> {
             gain: L::all(1.0),
             approach,
             sliding: velocity.minus(normal.times(approach)),
-            ahead: self.ahead,
+            foreseen: self.velocity.plus(self.ahead),
             last_viscous: Triple::zero(),
             twist: L::all(0.5 * dt) * self.spin.dot(normal),
             turning: self.turning,

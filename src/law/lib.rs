@@ -341,6 +341,21 @@ impl Body {
     }
 }
 
+/// How dashpots along the normal and in the contact plane act.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Dashpots {
+    /// Normal ones never make a contact attractive.
+    pub limited: bool,
+    /// They foresee what other contacts and fields make of velocities, see [`kernel`].
+    pub foreseen: bool,
+}
+
+impl Default for Dashpots {
+    fn default() -> Self {
+        Self { limited: true, foreseen: false }
+    }
+}
+
 /// The hardest contact that a body can have with those of a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hardest {

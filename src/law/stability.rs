@@ -7,8 +7,8 @@
 //! centre, 3.5 for a sphere. No motion moves all contacts around a body like its most compliant: where spheres turn against
 //! all their neighbours it is 5/3 in the mean, and that part is taken of every shape's.
 //!
-//! A dashpot `c` feels a velocity that is foreseen ([`super::kernel`]): with `γ <= 2 c C / m`, found like `ω²`, the step is stable
-//! while `ω² Δt² + 2 γ Δt < 4`, where in the contact plane `γ` counts 1.2 times, as of spheres that turn against all their neighbours. The faster a mode, the more of critical damping it has: tangential dashpots of half of it
+//! A dashpot `c` feels the velocity of half a step before but for what its own force makes of it: with `γ <= 2 c C / m`, found like `ω²`,
+//! the step is stable while `ω² Δt² + 2 γ Δt < 4`. Where velocities are foreseen ([`super::kernel`]) tangential dashpots count 1.2 times. The faster a mode, the more of critical damping it has: tangential dashpots of half of it
 //! for a pair take four fifths of the step of a packed bed. Those along the normals do less: a motion feels a third of
 //! them, and they turn a body by no more than its flatness lets them. Partners are taken as heavy as the heaviest grain;
 //! walls are few.
@@ -49,9 +49,6 @@ const TOGETHER: f64 = (5.0 / 3.0) / 3.5;
 
 /// Part of the dashpots along the normals that a motion feels.
 const ALONG_NORMALS: f64 = 1.0 / 3.0;
-
-/// Tangential dashpots in the stable step over those that would feel the velocity of half a step before [-].
-const FORESEEN: f64 = 1.2;
 
 /// A bound of the time step, and what sets it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -260,7 +257,7 @@ fn fullest(part: f64, around: &[Around], adds: fn(&Hardest) -> f64) -> (f64, Opt
 /// The stable step of a body with these contacts [s], and those that count most.
 fn stable_step(library: &Library, body: &Body, around: &[Around]) -> (f64, Option<Partner>) {
     let (stiffness, partner) = fullest(TOGETHER, around, |h| h.stiffness + h.turning[0]);
-    let (tangential, _) = fullest(TOGETHER, around, |h| FORESEEN * h.dashpots[1] + h.turning[1]);
+    let (tangential, _) = fullest(TOGETHER, around, |h| h.dashpots[1] + h.turning[1]);
     let (normal, _) = fullest(ALONG_NORMALS, around, |h| h.dashpots[0]);
     let shape = &library.shapes[body.shape.index()];
     let compliance = shape.surface_compliance();

@@ -9,7 +9,7 @@ use crate::contact::curvature::LARGEST_RATIO;
 use crate::ids::MaterialId;
 use crate::law::hertz::{self, jkr};
 use crate::law::linear::{self, damping_ratio_of_restitution};
-use crate::law::{Beside, Choice, Interactions, Mixing};
+use crate::law::{Beside, Choice, Dashpots, Interactions, Mixing};
 use crate::law::{dmt, rolling};
 use crate::population::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
@@ -21,13 +21,13 @@ use std::collections::{BTreeMap, BTreeSet};
 pub(super) enum Kind {
     /// Linear springs and dashpots with friction.
     Linear {
-        /// Are dashpots kept from attracting?
-        limit_damping: bool,
+        /// How dashpots act.
+        dashpots: Dashpots,
     },
     /// Elastic bodies.
     Hertz {
-        /// Are dashpots kept from attracting?
-        limit_damping: bool,
+        /// How dashpots act.
+        dashpots: Dashpots,
         /// Does `tangential` ask for friction?
         mindlin: bool,
         /// The overlap that the time step is made for.
@@ -110,16 +110,18 @@ fn under_load(root: &Section) -> LargestOverlap {
 
 /// The law that `[law]` asks for.
 pub(super) fn kind(root: &Section) -> (Kind, Asked) {
-    let linear = (Kind::Linear { limit_damping: true }, Asked::default());
+    let linear = (Kind::Linear { dashpots: Dashpots::default() }, Asked::default());
     let law = root.read_or("law", linear, |given| {
         let section = given.section()?;
-        let limit_damping = section.boolean_or("limit_damping", true);
+        let limited = section.boolean_or("limit_damping", true);
+        let foreseen = section.boolean_or("foresee", false);
         let offered = [("linear", false), ("hertz", true)];
         let is_hertz = section.read_or("normal", false, |given| given.one_of(&offered))?;
         let asked = asked(&section, is_hertz);
         // Adhesion attracts whatever dashpots do.
         let is_jkr = asked.is_some_and(Asked::is_jkr);
-        let kind = parts(&section, is_hertz, limit_damping? && !is_jkr, root);
+        let dashpots = Dashpots { limited: limited? && !is_jkr, foreseen: foreseen? };
+        let kind = parts(&section, is_hertz, dashpots, root);
         kind.zip(asked)
     });
     law.unwrap_or(linear)
@@ -160,7 +162,7 @@ fn asked(section: &Section, is_hertz: bool) -> Option<Asked> {
 }
 
 /// The law from its parts along the normal and in the contact plane.
-fn parts(section: &Section, is_hertz: bool, limit_damping: bool, root: &Section) -> Option<Kind> {
+fn parts(section: &Section, is_hertz: bool, dashpots: Dashpots, root: &Section) -> Option<Kind> {
     if !is_hertz {
         section.read_or("tangential", (), |given| {
             let offered = [("linear", true), ("none", false), ("mindlin", false)];
@@ -173,7 +175,7 @@ fn parts(section: &Section, is_hertz: bool, limit_damping: bool, root: &Section)
             Some(())
         })?;
         refuse(section, &["largest_overlap"], "hertz");
-        return Some(Kind::Linear { limit_damping });
+        return Some(Kind::Linear { dashpots });
     }
     let mindlin = section.read_or("tangential", true, |given| {
         let offered = [("mindlin", Some(true)), ("none", Some(false)), ("linear", None)];
@@ -189,7 +191,7 @@ fn parts(section: &Section, is_hertz: bool, limit_damping: bool, root: &Section)
     let largest_overlap = section.read_or("largest_overlap", under_load(root), |given| {
         given.number().map(LargestOverlap::Given)
     })?;
-    Some(Kind::Hertz { limit_damping, mindlin, largest_overlap })
+    Some(Kind::Hertz { dashpots, mindlin, largest_overlap })
 }
 
 /// Refuses keys that only another normal law uses.
@@ -298,22 +300,21 @@ pub(super) fn materials(
     (kind, asked): (Kind, Asked),
 ) -> (Materials, Option<Choice>) {
     match kind {
-        Kind::Linear { limit_damping } => {
+        Kind::Linear { dashpots } => {
             let read = |section: &Section, mixed: Option<&linear::Constants>| {
-                of_linear(section, mixed, limit_damping)
+                of_linear(section, mixed, dashpots.limited)
             };
-            let law =
-                |interactions| Choice::Linear(linear::Settings { interactions, limit_damping });
+            let law = |interactions| Choice::Linear(linear::Settings { interactions, dashpots });
             with_more(root, asked, read, law)
         }
-        Kind::Hertz { limit_damping, mindlin, largest_overlap } => {
+        Kind::Hertz { dashpots, mindlin, largest_overlap } => {
             let read = |section: &Section, mixed: Option<&hertz::Constants>| {
-                of_hertz(section, mixed, limit_damping, mindlin)
+                of_hertz(section, mixed, dashpots.limited, mindlin)
             };
             let law = |interactions| {
                 // Walls that move freely are not known yet.
                 let largest_overlap = largest_overlap.value(&interactions, 0.0);
-                Choice::Hertz(hertz::Settings { interactions, limit_damping, largest_overlap })
+                Choice::Hertz(hertz::Settings { interactions, dashpots, largest_overlap })
             };
             with_more(root, asked, read, law)
         }

@@ -5,7 +5,7 @@ use dem_mpi::contact::{Geometry, Pair, Patch, Previous, StateColumn};
 use dem_mpi::ids::{MaterialId, ShapeId, Slot};
 use dem_mpi::lanes::Registers;
 use dem_mpi::law::linear::{Constants, Settings};
-use dem_mpi::law::{Choice, ForceLaw, Interactions, Last, Sums, Work};
+use dem_mpi::law::{Choice, Dashpots, ForceLaw, Interactions, Last, Sums, Work};
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::Particles;
 use dem_mpi::particles::crowd::crowd;
@@ -164,7 +164,8 @@ fn touching(
 }
 
 fn linear(interactions: &Interactions<Constants>, particles: &Particles) -> Box<dyn ForceLaw> {
-    let settings = Settings { interactions: interactions.clone(), limit_damping: true };
+    let dashpots = Dashpots { foreseen: true, ..Dashpots::default() };
+    let settings = Settings { interactions: interactions.clone(), dashpots };
     Choice::Linear(settings).law(&particles.library)
 }
 

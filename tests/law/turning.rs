@@ -268,7 +268,7 @@ fn the_balance_of_a_crowd_closes() {
         [(springs, balls, 1e-9), (hertz, balls, 1e-9), (linear, eggs, 1e-5), (linear, boxes, 1e-3)]
     {
         let own = "friction = 0.4\nrolling_friction = 0.3\ntwisting_friction = 0.2";
-        let text = text(law, own, Vec3::new(0.0, 0.0, -GRAVITY), 2.1e-6)
+        let text = text(law, own, Vec3::new(0.0, 0.0, -GRAVITY), 2.4e-6)
             .replace(
                 "low = [-10, -10, 0]\nhigh = [10, 10, 10]",
                 "low = [0, 0, 0]\nhigh = [0.06, 0.06, 0.2]",

@@ -17,7 +17,7 @@ fn after(cloud: &Cloud, keys: &str, drift: Vec3, spin: Vec3) -> (Measures, [f64;
     let text = cloud
         .text()
         .replace("name = \"plane\"", &format!("name = \"plane\"\n{keys}"))
-        .replace("step = 1.9e-5", &format!("step = {DT:e}"));
+        .replace("step = 2e-5", &format!("step = {DT:e}"));
     let mut grains = cloud.grains.clone();
     for grain in &mut grains {
         grain.velocity += drift;

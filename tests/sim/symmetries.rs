@@ -99,7 +99,7 @@ pub(crate) struct Cloud {
     pub(crate) grains: Vec<Particle>,
 }
 
-const STEP: f64 = 1.9e-5;
+const STEP: f64 = 2e-5;
 
 impl Cloud {
     pub(crate) fn new(shape: &str, law: Law) -> Self {

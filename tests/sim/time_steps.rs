@@ -148,7 +148,7 @@ density = 2500
 youngs_modulus = 5e6
 poisson_ratio = 0.3
 friction = 0.4
-restitution = 0.7
+restitution = 0.5
 [[shape]]
 name = "bead"
 kind = "sphere"

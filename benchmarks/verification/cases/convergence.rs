@@ -53,7 +53,7 @@ impl Orders {
             ),
             one: Case::new(
                 SOURCE,
-                "motion of first order by nature: single touches with a dashpot, Coulomb's slider",
+                "motion of first order by nature: Coulomb's slider",
                 "order of convergence (less than 1 counts)",
                 0.1,
                 "not yet asymptotic at the coarsest step",
@@ -214,8 +214,6 @@ fn start(setup: &Setup) -> Body {
     }
 }
 
-const WITH_DASHPOT: &str = "a dashpot acts at once, wherever in a step a contact begins";
-
 /// A ball that swings on its contact with the floor and never leaves it.
 fn resting(name: &'static str, restitution: f64) -> Problem {
     let ball = ball(restitution);
@@ -283,8 +281,8 @@ fn collision(name: &'static str, restitution: f64) -> Problem {
     };
     Problem {
         name,
-        order: if restitution < 1.0 { 1.0 } else { 2.0 },
-        why: WITH_DASHPOT,
+        order: 2.0,
+        why: "",
         steps: 60,
         error: Box::new(move |n| {
             mean(&|phase| {

@@ -229,7 +229,7 @@ impl About for Jkr {
     fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
         let elastic = self.hertz.settings.interactions.of(body.material, other);
         let radius = self.radius_on_plane(body, other, self.hertz.settings.largest_overlap);
-        super::hardest(elastic, radius, reduced_mass)
+        self.hertz.settings.dashpots.in_packings(super::hardest(elastic, radius, reduced_mass))
     }
 
     /// Stiffness goes with the contact radius, which adhesion gives before there is any overlap.
@@ -347,7 +347,8 @@ impl Model for Jkr {
         let mut press = sticking.press(elastic.normal, radius);
         if self.hertz.damped {
             let dashpot = elastic.dashpots[0] * radius.sqrt();
-            press = contact.damped(press, dashpot, elastic.inverse_mass, state[width - 2]);
+            let last = self.hertz.settings.dashpots.last(state[width - 2]);
+            press = contact.damped(press, dashpot, elastic.inverse_mass, last);
         }
         let (mut spring, mut rub, mut kept) = (zero, zero, Kept::all());
         let frictional = elastic.frictional();

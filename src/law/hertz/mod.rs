@@ -44,7 +44,7 @@ pub use constants::Constants;
 use super::kernel::{
     Action, Contact, InPlane, Kept, Model, Spread, Turning, carried, reduced_mass, within_limit,
 };
-use super::{About, Body, Hardest};
+use super::{About, Body, Dashpots, Hardest};
 use crate::contact::{StateColumn, curvature};
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
@@ -74,8 +74,8 @@ pub fn overlap_under(stress: f64, constants: &Constants) -> f64 {
 pub struct Settings {
     /// Constants of every pair of materials.
     pub interactions: Interactions,
-    /// Normal dashpots never make a contact attractive.
-    pub limit_damping: bool,
+    /// How dashpots act.
+    pub dashpots: Dashpots,
     /// The overlap that the time step is made for, over the radius of the smaller body, or that of the largest sphere in it about its centre [-].
     pub largest_overlap: f64,
 }
@@ -239,8 +239,9 @@ impl Hertz {
         let mut force = elastic.normal * root * contact.overlap * contact.gain;
         if self.damped {
             let dashpot = elastic.dashpots[0] * root.sqrt() * contact.gain;
-            force = contact.damped(force, dashpot, elastic.inverse_mass, self.pressed(state));
-            if self.settings.limit_damping {
+            let last = self.settings.dashpots.last(self.pressed(state));
+            force = contact.damped(force, dashpot, elastic.inverse_mass, last);
+            if self.settings.dashpots.limited {
                 let zero = L::all(0.0);
                 force = zero.or(force, force.less(zero));
             }
@@ -275,7 +276,8 @@ impl Hertz {
         let (mut force, mut dashpot) = (spring, None);
         if self.damped {
             let of_plane = elastic.dashpots[1] * root.sqrt();
-            let in_plane = InPlane::of(contact, of_plane, elastic.inverse_mass, last_force);
+            let last = self.settings.dashpots.last_in_plane(last_force, contact);
+            let in_plane = InPlane::of(contact, of_plane, elastic.inverse_mass, last);
             force = in_plane.beside(spring);
             dashpot = Some(in_plane);
         }
@@ -356,7 +358,8 @@ impl About for Hertz {
     fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
         let constants = self.settings.interactions.of(body.material, other);
         let widest = self.widest[body.shape.index()] * body.scale;
-        hardest(constants, widest * self.settings.largest_overlap.sqrt(), reduced_mass)
+        let size = widest * self.settings.largest_overlap.sqrt();
+        self.settings.dashpots.in_packings(hardest(constants, size, reduced_mass))
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
@@ -408,7 +411,7 @@ impl Model for Hertz {
         Needs {
             velocity,
             spin: self.frictional,
-            ahead: self.damped,
+            ahead: self.damped && self.settings.dashpots.foreseen,
             friction: self.frictional,
             tangential_dashpots: self
                 .settings

@@ -180,7 +180,7 @@ impl Motion {
         Self { r: [r; 2], velocity, spin, ahead: NO_GAINS, belt, with_wall: false }
     }
 
-    /// See [`Contact::ahead`] [m/s].
+    /// See [`super::Motion::ahead`] [m/s].
     fn ahead(&self, point: &Vec3) -> Vec3 {
         let [[of_a, spin_a], [of_b, spin_b]] = &self.ahead;
         of_a - of_b + spin_a.cross(point) - spin_b.cross(&(point - self.r[0]))
@@ -659,7 +659,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         let Self { law, dt, .. } = *self;
         let Geometry { normal, overlap } = self.work.geometry[place];
         let (point, patch) = (self.work.points[place], &self.work.patches[place]);
-        let velocity = motion.at(&point, 0) + motion.midway(dt);
+        let at_point = motion.at(&point, 0);
+        let velocity = at_point + motion.midway(dt);
         let approach = velocity.dot(&normal);
         let sliding = velocity - normal * approach;
         let spin = motion.spin[0] + motion.spin[1];
@@ -671,7 +672,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             gain: patch.gain,
             approach,
             sliding: triple(&sliding),
-            ahead: triple(&motion.ahead(&point)),
+            foreseen: triple(&(at_point + motion.ahead(&point))),
             last_viscous: triple(last_viscous),
             twist: 0.5 * dt * spin.dot(&normal),
             turning: triple(&motion.turning()),

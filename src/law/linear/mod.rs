@@ -18,7 +18,7 @@ use super::kernel::{
     Action, Contact, InPlane, Kept, Model, Spread, Turning, carried, dashpot, reduced_mass,
     within_limit,
 };
-use super::{About, Body, Hardest};
+use super::{About, Body, Dashpots, Hardest};
 use crate::contact::StateColumn;
 use crate::ids::MaterialId;
 use crate::lanes::{Lanes, Triple};
@@ -33,14 +33,14 @@ pub type Interactions = super::Interactions<Constants>;
 pub struct Settings {
     /// Constants of every pair of materials.
     pub interactions: Interactions,
-    /// Normal dashpots never make a contact attractive.
-    pub limit_damping: bool,
+    /// How dashpots act.
+    pub dashpots: Dashpots,
 }
 
 impl Settings {
     /// Linear springs and dashpots with friction.
     pub(super) fn model(&self) -> Linear {
-        Linear::new(self.interactions.clone(), self.limit_damping)
+        Linear::new(self.interactions.clone(), self.dashpots)
     }
 }
 
@@ -48,7 +48,7 @@ impl Settings {
 #[derive(Clone, Debug)]
 pub(crate) struct Linear {
     interactions: Interactions,
-    limit_damping: bool,
+    dashpots: Dashpots,
     /// Is there any dashpot?
     damped: bool,
     /// Does any contact feel tangential motion?
@@ -62,15 +62,15 @@ const SPRING: StateColumn = StateColumn::new("spring", 3, "m");
 const NORMAL_FORCE: StateColumn = StateColumn::new("normal_force", 1, "N");
 
 impl Linear {
-    /// With these constants; if `limit_damping`, no dashpot makes a contact attractive.
-    pub(crate) fn new(interactions: Interactions, limit_damping: bool) -> Self {
+    /// With these constants.
+    pub(crate) fn new(interactions: Interactions, dashpots: Dashpots) -> Self {
         let damped = interactions
             .iter()
             .any(|c| c.normal_damping_ratio > 0.0 || c.tangential_damping_ratio > 0.0);
         let frictional = interactions.iter().any(Constants::is_frictional);
         let columns = [(frictional, SPRING), (damped, NORMAL_FORCE)];
         let state = columns.into_iter().filter(|(is_in, _)| *is_in).map(|(_, c)| c).collect();
-        Self { interactions, limit_damping, damped, frictional, state }
+        Self { interactions, dashpots, damped, frictional, state }
     }
 
     /// What is remembered of the tangential springs [m].
@@ -121,9 +121,10 @@ impl Linear {
     fn press<L: Lanes>(&self, springs: &Springs<L>, contact: &Contact<L>, state: &[L]) -> L {
         let mut force = springs.normal * contact.overlap * contact.gain;
         if self.damped {
-            let (dashpot, last) = (springs.dashpots[0] * contact.gain, state[state.len() - 1]);
+            let dashpot = springs.dashpots[0] * contact.gain;
+            let last = self.dashpots.last(state[state.len() - 1]);
             force = contact.damped(force, dashpot, springs.inverse_mass, last);
-            if self.limit_damping {
+            if self.dashpots.limited {
                 let zero = L::all(0.0);
                 force = zero.or(force, force.less(zero));
             }
@@ -149,7 +150,8 @@ impl Linear {
         let mut force = spring.times(springs.tangential);
         let mut dashpot = None;
         if self.damped {
-            let last = last.times(springs.tangential);
+            let elastic = last.times(springs.tangential);
+            let last = self.dashpots.last_in_plane(elastic, contact);
             let in_plane = InPlane::of(contact, springs.dashpots[1], springs.inverse_mass, last);
             force = in_plane.beside(force);
             dashpot = Some(in_plane);
@@ -185,7 +187,8 @@ impl About for Linear {
         };
         let dashpots = [normal, tangential]
             .map(|(stiffness, ratio)| 2.0 * ratio * (stiffness * reduced_mass).sqrt());
-        Hardest { stiffness: normal.0.max(tangential.0), dashpots, turning: [0.0; 2] }
+        let stiffness = normal.0.max(tangential.0);
+        self.dashpots.in_packings(Hardest { stiffness, dashpots, turning: [0.0; 2] })
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
@@ -217,7 +220,7 @@ impl Model for Linear {
         Needs {
             velocity: self.frictional || dashpot,
             spin: self.frictional,
-            ahead: self.damped,
+            ahead: self.damped && self.dashpots.foreseen,
             friction: self.frictional,
             tangential_dashpots: self
                 .interactions
