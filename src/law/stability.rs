@@ -7,8 +7,8 @@
 //! centre, 3.5 for a sphere. No motion moves all contacts around a body like its most compliant: where spheres turn against
 //! all their neighbours it is 5/3 in the mean, and that part is taken of every shape's.
 //!
-//! A dashpot `c` feels the velocity of half a step before but for what its own force makes of it: with `γ <= 2 c C / m`, found like `ω²`,
-//! the step is stable while `ω² Δt² + 2 γ Δt < 4`. Where velocities are foreseen ([`super::kernel`]) tangential dashpots count 1.2 times. The faster a mode, the more of critical damping it has: tangential dashpots of half of it
+//! A dashpot `c` feels the velocity of half a step before: with `γ <= 2 c C / m`, found like `ω²`, the step is stable
+//! while `ω² Δt² + 2 γ Δt < 4`. Where velocities are foreseen ([`super::kernel`]) tangential dashpots count 1.2 times. The faster a mode, the more of critical damping it has: tangential dashpots of half of it
 //! for a pair take four fifths of the step of a packed bed. Those along the normals do less: a motion feels a third of
 //! them, and they turn a body by no more than its flatness lets them. Partners are taken as heavy as the heaviest grain;
 //! walls are few.

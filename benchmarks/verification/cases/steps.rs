@@ -270,7 +270,6 @@ fn rest(effort: Effort) -> [Case; 2] {
             }
         }
     }
-    let share = if creeping > 0 { f64::from(known) / f64::from(creeping) } else { 1.0 };
-    warned.absolute(format!("{creeping} that creep"), 1.0, share);
+    warned.absolute(format!("{creeping} that creep"), 1.0, f64::from(known) / f64::from(creeping));
     [rests, warned]
 }

@@ -238,7 +238,7 @@ impl Hertz {
     ) -> L {
         let mut force = elastic.normal * root * contact.overlap * contact.gain;
         if self.damped {
-            let dashpot = elastic.dashpots[0] * root.sqrt() * contact.gain;
+            let dashpot = elastic.dashpots[0] * root.sqrt();
             let last = self.settings.dashpots.last(self.pressed(state));
             force = contact.damped(force, dashpot, elastic.inverse_mass, last);
             if self.settings.dashpots.limited {

@@ -1,17 +1,16 @@
-//! Dashpots of second order in the step.
+//! Dashpots that foresee.
 //!
-//! Forces belong to positions, and velocities `v` are those of half a step `h` before. What its own force `F` makes of the velocity until
-//! then a dashpot `c` knows, and solves for:
+//! Forces belong to positions, and velocities `v` are those of half a step `h` before: a dashpot `c` that feels them is of first order in
+//! the step. By choice it feels what `v` is foreseen to be at the positions, `v + e` ([`crate::motion::ahead`]). In `e` the contact's own
+//! force `F` is that of earlier steps. It goes out for the force of now, which is solved for:
 //!
-//! `F = k δ + c (v - r F)`, `r = h/m`; in the contact plane `r` is 7/2 of that along the normal, as of spheres.
+//! `F = k δ + c (v + e + r F' - r F)`, `r = h/m`,
 //!
-//! A collision of two spheres is of second order so. Other contacts and fields are felt half a step late, unless velocities are
-//! foreseen ([`crate::motion::ahead`]): `v` then gains `e`, in which the contact's own force is that of earlier steps and goes out,
+//! with the last force `F'`. Any `r` is of second order. In the contact plane it is 7/2 of that along the normal, as of spheres.
+//! Without `e` and `F'` a contact at rest would press by `1/(1 + c r)` of its spring alone.
 //!
-//! `F = k δ + c (v + e + r F' - r F)` with the last force `F'`.
-//!
-//! Any `r` is of second order there. With the part `s` of what resists a motion in each contact's own force, the stable step has
-//! `ω² Δt² + (3.1 - 4 s) γ Δt <= 4`; with velocities of half a step before it has `ω² Δt² + 2 γ Δt <= 4` at most.
+//! With the part `s` of what resists a motion in each contact's own force, the stable step has `ω² Δt² + (3.1 - 4 s) γ Δt <= 4`. Where forces
+//! feel the velocity of half a step before it has `ω² Δt² + 2 γ Δt <= 4`.
 //!
 //! A contact begins between two steps. Its first force acts from then on until half a step after the positions: for `s + 1/2` of a step,
 //! so the dashpot counts as much.
@@ -26,8 +25,8 @@ const IN_PLANE: f64 = 3.5;
 impl Dashpots {
     /// The last force, if it is in what is foreseen.
     #[inline(always)]
-    pub(in super::super) fn last<L: Lanes>(self, force: L) -> L {
-        if self.foreseen { force } else { L::all(0.0) }
+    pub(in super::super) fn last<L: Lanes>(self, force: L) -> Option<L> {
+        if self.foreseen { Some(force) } else { None }
     }
 
     /// The last force in the contact plane, with this elastic part [N], if it is in what is foreseen.
@@ -36,8 +35,8 @@ impl Dashpots {
         self,
         elastic: Triple<L>,
         contact: &Contact<L>,
-    ) -> Triple<L> {
-        if self.foreseen { elastic.plus(contact.last_viscous) } else { Triple::zero() }
+    ) -> Option<Triple<L>> {
+        if self.foreseen { Some(elastic.plus(contact.last_viscous)) } else { None }
     }
 
     /// A contact as it counts in the stable step of packings.
@@ -66,12 +65,12 @@ impl<L: Lanes> Contact<L> {
         (dashpot * weight).or(dashpot, self.begun)
     }
 
-    /// The force along the normal [N] of a spring with the force `elastic` [N] and a dashpot [N s/m]; `last` is that of the last
-    /// step [N], `inverse_mass` of both bodies [1/kg].
+    /// The force along the normal [N] of a spring with the force `elastic` [N] and a dashpot [N s/m]. Where velocities are foreseen `last`
+    /// is the force of the last step [N]. `inverse_mass` is that of both bodies [1/kg].
     #[inline(always)]
-    pub fn damped(&self, elastic: L, dashpot: L, inverse_mass: L, last: L) -> L {
-        let dashpot = self.timely(dashpot);
-        let own = self.own(inverse_mass);
+    pub fn damped(&self, elastic: L, dashpot: L, inverse_mass: L, last: Option<L>) -> L {
+        let Some(last) = last else { return elastic + dashpot * self.approach * self.gain };
+        let (dashpot, own) = (self.timely(dashpot * self.gain), self.own(inverse_mass));
         let approach = self.foreseen.dot(self.normal) + own * last;
         (elastic + dashpot * approach) / (L::all(1.0) + dashpot * own)
     }
@@ -84,31 +83,40 @@ pub struct InPlane<L> {
     dashpot: L,
     /// What it feels but for the force of the contact itself [m/s].
     velocity: Triple<L>,
-    /// What a force takes of that [s/kg].
-    own: L,
+    /// What a force takes of that [s/kg], where it is foreseen.
+    own: Option<L>,
 }
 
 impl<L: Lanes> InPlane<L> {
     /// Of a contact with this last force in the plane [N], see [`Contact::damped`].
     #[inline(always)]
-    pub fn of(contact: &Contact<L>, dashpot: L, inverse_mass: L, last: Triple<L>) -> Self {
-        let dashpot = contact.timely(dashpot);
+    pub fn of(contact: &Contact<L>, dashpot: L, inverse_mass: L, last: Option<Triple<L>>) -> Self {
+        let Some(last) = last else {
+            return Self { dashpot, velocity: contact.sliding, own: None };
+        };
         let own = contact.own(inverse_mass) * L::all(IN_PLANE);
         let foreseen = contact.foreseen.plus(last.times(own));
-        let across = contact.normal.times(foreseen.dot(contact.normal));
-        Self { dashpot, velocity: foreseen.minus(across), own }
+        let velocity = foreseen.minus(contact.normal.times(foreseen.dot(contact.normal)));
+        Self { dashpot: contact.timely(dashpot), velocity, own: Some(own) }
     }
 
     /// The force with that of a spring, without a limit [N].
     #[inline(always)]
     pub fn beside(&self, spring: Triple<L>) -> Triple<L> {
         let both = spring.plus(self.velocity.times(self.dashpot));
-        both.over(L::all(1.0) + self.dashpot * self.own)
+        match self.own {
+            Some(own) => both.over(L::all(1.0) + self.dashpot * own),
+            None => both,
+        }
     }
 
     /// The part of the dashpot where both together are this force [N].
     #[inline(always)]
     pub fn part_of(&self, force: Triple<L>) -> Triple<L> {
-        self.velocity.minus(force.times(self.own)).times(self.dashpot)
+        let velocity = match self.own {
+            Some(own) => self.velocity.minus(force.times(own)),
+            None => self.velocity,
+        };
+        velocity.times(self.dashpot)
     }
 }

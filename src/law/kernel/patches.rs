@@ -347,7 +347,7 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         let mut contact = motion.contact(&last, &now, dt).timed(zero);
         let last_acting = law.model.last(&constants, last.overlap, state);
-        if law.needs.tangential_dashpots {
+        if law.needs.ahead {
             let along = last.normal.times(before.force.dot(last.normal));
             contact.last_viscous = before.force.minus(along).minus(last_acting.rub);
         }

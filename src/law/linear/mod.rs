@@ -121,9 +121,8 @@ impl Linear {
     fn press<L: Lanes>(&self, springs: &Springs<L>, contact: &Contact<L>, state: &[L]) -> L {
         let mut force = springs.normal * contact.overlap * contact.gain;
         if self.damped {
-            let dashpot = springs.dashpots[0] * contact.gain;
             let last = self.dashpots.last(state[state.len() - 1]);
-            force = contact.damped(force, dashpot, springs.inverse_mass, last);
+            force = contact.damped(force, springs.dashpots[0], springs.inverse_mass, last);
             if self.dashpots.limited {
                 let zero = L::all(0.0);
                 force = zero.or(force, force.less(zero));
