@@ -57,7 +57,7 @@ pub(super) fn scene(
     let root = root.section()?;
     let general = General::read(&root, file, need);
     let mut bodies = Bodies::read(&root, &folder, general.gravity);
-    let mut grains = Grains::read(&root, &folder, &mut bodies, general.gravity);
+    let mut grains = Grains::read(&root, &folder, &mut bodies, &general);
     let before = sizes_before(&mut bodies.shapes.library, general.start.as_ref(), need);
     let groups = read_groups(&root, &folder, &mut bodies, &mut grains, general.gravity);
     let course = Course::read(&root, &mut bodies, general.seed, &grains);
@@ -197,11 +197,12 @@ struct Grains {
 
 impl Grains {
     /// The library gets the sizes and numbers of all.
-    fn read(root: &Section, folder: &Path, bodies: &mut Bodies, gravity: Option<Vec3>) -> Self {
+    fn read(root: &Section, folder: &Path, bodies: &mut Bodies, general: &General) -> Self {
         let Bodies { shapes, domain, .. } = bodies;
-        let (domain, gravity) = (domain.as_ref(), gravity.unwrap_or_else(Vec3::zeros));
+        let (domain, gravity) = (domain.as_ref(), general.gravity.unwrap_or_else(Vec3::zeros));
+        let seed = general.seed.unwrap_or_default();
         let any_held = groups::any_held(root);
-        let fills = Fills { shapes: &*shapes, domain, gravity, folder, any_held };
+        let fills = Fills { shapes: &*shapes, domain, gravity, folder, any_held, seed };
         let inlets = flows::inlets(root, &fills);
         let fills = fills.read(root);
         let outlets = flows::outlets(root, domain);
@@ -476,7 +477,7 @@ fn check_shear(root: &Section, domain: &Cell, gravity: Option<Vec3>, walls: usiz
         );
     }
     if let Some(given) = root.section("fill").and_then(|fill| fill.get("rain")) {
-        given.fail("not in a sheared domain: take [[fill.lattice]] or [[fill.file]], or `start` from a stage without `shear`");
+        given.fail("not in a sheared domain: take [[fill.lattice]], [[fill.random]] or [[fill.file]], or `start` from a stage without `shear`");
     }
 }
 

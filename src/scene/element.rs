@@ -124,7 +124,7 @@ pub(super) fn check_others(root: &Section, walls: usize) {
     let rain = root.section("fill").and_then(|fill| fill.get("rain"));
     let others = [rain, root.get("inlet"), root.get("outlet")];
     for given in others.into_iter().flatten() {
-        given.fail_whole("not together with a [cell]: make the grains by [[fill.lattice]] or [[fill.file]], or `start` from a stage without it");
+        given.fail_whole("not together with a [cell]: make the grains by [[fill.random]], [[fill.lattice]] or [[fill.file]], or `start` from a stage without it");
     }
 }
 

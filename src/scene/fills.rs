@@ -33,12 +33,14 @@ pub(super) struct Fills<'a> {
     pub(super) folder: &'a Path,
     /// May particles be held, which then may overlap?
     pub(super) any_held: bool,
+    /// Of the scene.
+    pub(super) seed: u64,
 }
 
 impl Fills<'_> {
     pub(super) fn read(&self, root: &Section) -> Option<(Vec<Fill>, Option<Rain>)> {
         let start = root.get("start");
-        let kinds = "[fill.rain], [[fill.lattice]] or [[fill.file]]";
+        let kinds = "[fill.rain], [[fill.lattice]], [[fill.random]] or [[fill.file]]";
         let Some(given) = root.get("fill") else {
             if start.is_none() && root.get("inlet").is_none() {
                 root.fail(format!("nothing to simulate: give {kinds}, or `start` = a snapshot"));
@@ -52,6 +54,10 @@ impl Fills<'_> {
         for section in fill.sections("file") {
             let first_id = initial.iter().flatten().map(Fill::count).sum();
             initial.push(self.file(&section, first_id));
+        }
+        for section in fill.sections("random") {
+            let first_id = initial.iter().flatten().map(Fill::count).sum();
+            initial.push(self.scattered(&section, first_id).map(Fill::Listed));
         }
         if let Some(crowd) = self.crowd(&initial) {
             fill.fail(crowd);

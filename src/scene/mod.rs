@@ -43,6 +43,7 @@ pub mod plan;
 mod reader;
 mod regions;
 mod room;
+mod scattered;
 pub mod schema;
 mod sizes;
 pub mod suggest;

@@ -118,3 +118,31 @@ fn keys_are_printed_by_table() {
     assert!(!all.contains("crate::") && !all.contains('`'), "{all}");
     assert!(keys::text(Some("domains")).unwrap_err().contains("there are domain, cell, wall"));
 }
+
+/// Openings that hide the subject of a sentence, see the voice of the project's pages.
+#[test]
+fn sentences_begin_with_their_subject() -> anyhow::Result<()> {
+    const HIDDEN: [&str; 7] =
+        ["What ", "Which ", "Whoever ", "Those of ", "That of ", "The same ", "Of "];
+    let mut pages = vec![Path::new("README.md").to_owned(), "benchmarks/README.md".into()];
+    for entry in fs::read_dir("src/guide")? {
+        let path = entry?.path();
+        // A list of what changed keeps the words of its day.
+        if path.extension().is_some_and(|e| e == "md") && !path.ends_with("changes.md") {
+            pages.push(path);
+        }
+    }
+    let mut wrong = Vec::new();
+    for page in pages {
+        let text = fs::read_to_string(&page)?;
+        let prose = text.split("```").step_by(2).flat_map(str::lines);
+        let prose = prose.filter(|line| !line.starts_with(['|', '#', '<']));
+        for line in prose {
+            let sentences = line.trim_start_matches(['*', '-', ' ']).split(". ");
+            let hidden = sentences.filter(|s| HIDDEN.iter().any(|word| s.starts_with(word)));
+            wrong.extend(hidden.map(|sentence| format!("{}: {sentence}", page.display())));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    Ok(())
+}

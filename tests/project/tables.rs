@@ -1,4 +1,4 @@
-//! Tables of the README that are made of records: text and record agree, digit by digit.
+//! Tables of README.md and benchmarks/README.md that are made of records: text and record agree, digit by digit.
 //!
 //! `DEM_TABLES=write cargo test --test main -- tables` writes them anew.
 
@@ -35,18 +35,32 @@ fn medians(file: &str, particles: f64) -> BTreeMap<(String, u32), f64> {
     all.into_iter().map(|(key, values)| (key, median(values))).collect()
 }
 
+/// Cases with the tables of their times and their numbers of particles.
+const CASES: [(&str, &str, f64); 4] = [
+    ("20,000 settled spheres with friction", "time.csv", 20_000.0),
+    ("980,000 of them", "tiles_7.csv", 980_000.0),
+    ("5,120 settled ellipsoids", "settled.csv", 5_120.0),
+    ("19,800 spheres with Hertz and Mindlin in a drum of 1,200 triangles", "drum.csv", 19_800.0),
+];
+
+/// Million particle-steps per second, by this program and others.
+fn rates() -> String {
+    let codes = ["dem-mpi", "lammps", "liggghts"];
+    let mut table = "| | dem-mpi, one core | two | LAMMPS, one | two | LIGGGHTS, one | two |\n|---|---|---|---|---|---|---|\n".to_owned();
+    for (what, file, particles) in CASES {
+        let medians = medians(file, particles);
+        let cells = codes.iter().flat_map(|code| [1, 2].map(|ranks| (code, ranks)));
+        let cells = cells.map(|(code, ranks)| {
+            let time = medians.get(&((*code).to_owned(), ranks));
+            time.map_or_else(|| "–".to_owned(), |time| format!("{:.1}", 1.0 / time))
+        });
+        writeln!(table, "| {what} | {} |", cells.collect::<Vec<_>>().join(" | ")).unwrap();
+    }
+    table
+}
+
 /// How long a step takes, by this program and others.
 fn speed() -> String {
-    let cases = [
-        ("20,000 settled spheres with friction", "time.csv", 20_000.0),
-        ("980,000 of them", "tiles_7.csv", 980_000.0),
-        ("5,120 settled ellipsoids", "settled.csv", 5_120.0),
-        (
-            "19,800 spheres with Hertz and Mindlin in a drum of 1,200 triangles",
-            "drum.csv",
-            19_800.0,
-        ),
-    ];
     let codes = [
         ("dem-mpi", "dem-mpi"),
         ("dem-mpi shuffled", "the same, ids at random"),
@@ -56,7 +70,7 @@ fn speed() -> String {
         ("liggghts", "LIGGGHTS 3.8"),
     ];
     let mut table = "| | | one rank | two ranks |\n|---|---|---|---|\n".to_owned();
-    for (what, file, particles) in cases {
+    for (what, file, particles) in CASES {
         let medians = medians(file, particles);
         let mut what = what;
         for (code, name) in codes {
@@ -76,14 +90,15 @@ fn speed() -> String {
 
 #[test]
 fn tables_are_those_of_the_records() {
-    let (file, begin, end) = ("README.md", "<!-- speed -->\n", "<!-- end of speed -->");
-    let text = fs::read_to_string(file).unwrap();
-    let (before, rest) = text.split_once(begin).expect("where the table begins");
-    let (now, after) = rest.split_once(end).expect("where it ends");
-    let table = speed();
-    if std::env::var("DEM_TABLES").is_ok_and(|what| what == "write") {
-        fs::write(file, format!("{before}{begin}{table}{end}{after}")).unwrap();
-        return;
+    let (begin, end) = ("<!-- speed -->\n", "<!-- end of speed -->");
+    for (file, table) in [("README.md", rates()), ("benchmarks/README.md", speed())] {
+        let text = fs::read_to_string(file).unwrap();
+        let (before, rest) = text.split_once(begin).expect("where the table begins");
+        let (now, after) = rest.split_once(end).expect("where it ends");
+        if std::env::var("DEM_TABLES").is_ok_and(|what| what == "write") {
+            fs::write(file, format!("{before}{begin}{table}{end}{after}")).unwrap();
+            continue;
+        }
+        assert_eq!(now, table, "{file}: DEM_TABLES=write cargo test --test main -- tables");
     }
-    assert_eq!(now, table, "DEM_TABLES=write cargo test --test main -- tables writes it anew");
 }

@@ -4,5 +4,6 @@ mod mutated;
 mod read;
 mod ready;
 mod scenes;
+mod scattered;
 mod schema;
 mod suggest;

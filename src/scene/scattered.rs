@@ -1,0 +1,158 @@
+//! Particles at random places, no two of which touch.
+
+use super::fills::Fills;
+use super::orientations::orientations;
+use super::reader::{Given, Section};
+use super::{Listed, Mix};
+use crate::cell::Cell;
+use crate::math::Vec3;
+use crate::random::Random;
+use std::collections::HashMap;
+
+/// So often a place is drawn for a particle before there is held to be none.
+const TRIES: u32 = 20_000;
+
+/// Bounding balls in a box, by cells as wide as the largest of them.
+struct Balls<'a> {
+    domain: &'a Cell,
+    /// Width of a cell along each axis [m], and how many there are along a periodic one.
+    width: Vec3,
+    cells: [Option<i64>; 3],
+    in_cell: HashMap<[i64; 3], Vec<usize>>,
+    /// Centres and radii [m].
+    balls: Vec<(Vec3, f64)>,
+}
+
+impl<'a> Balls<'a> {
+    fn new(domain: &'a Cell, largest_radius: f64) -> Self {
+        let sides = domain.sides();
+        let periodic = domain.periodic();
+        let least = 2.0 * largest_radius;
+        let cells: [Option<i64>; 3] = std::array::from_fn(|axis| {
+            periodic[axis].then(|| ((sides[axis] / least).floor() as i64).max(1))
+        });
+        let width =
+            Vec3::from_fn(|axis, _| cells[axis].map_or(least, |count| sides[axis] / count as f64));
+        Self { domain, width, cells, in_cell: HashMap::new(), balls: Vec::new() }
+    }
+
+    /// The cell of a place.
+    fn cell(&self, place: &Vec3) -> [i64; 3] {
+        let (low, _) = self.domain.corners();
+        std::array::from_fn(|axis| {
+            let number = ((place[axis] - low[axis]) / self.width[axis]).floor() as i64;
+            self.cells[axis].map_or(number, |count| number.rem_euclid(count))
+        })
+    }
+
+    /// Is there room for a ball?
+    fn has_room(&self, place: &Vec3, radius: f64) -> bool {
+        let cell = self.cell(place);
+        let apart = |&other: &usize| {
+            let (centre, of_other) = self.balls[other];
+            self.domain.nearest(place - centre).norm() > radius + of_other
+        };
+        (0..27).all(|k: i64| {
+            let near: [i64; 3] = std::array::from_fn(|axis| {
+                let number = cell[axis] + k / 3_i64.pow(axis as u32) % 3 - 1;
+                self.cells[axis].map_or(number, |count| number.rem_euclid(count))
+            });
+            self.in_cell.get(&near).is_none_or(|others| others.iter().all(apart))
+        })
+    }
+
+    fn add(&mut self, place: Vec3, radius: f64) {
+        self.in_cell.entry(self.cell(&place)).or_default().push(self.balls.len());
+        self.balls.push((place, radius));
+    }
+}
+
+/// How much is scattered.
+#[derive(Clone, Copy)]
+enum Amount {
+    Count(u64),
+    /// Volume of the particles [m³].
+    Volume(f64),
+}
+
+impl Fills<'_> {
+    /// Particles of `[[fill.random]]`, with ids from the first on: what each is follows from the seed and its id.
+    pub(super) fn scattered(&self, section: &Section, first_id: u64) -> Option<Vec<Listed>> {
+        let mix = self.mix(section);
+        let velocity = section.vector_or("velocity", Vec3::zeros());
+        let orientations = orientations(section);
+        let corner = |key| section.optional(key, Given::vector);
+        let (low, high) = (corner("low"), corner("high"));
+        let count = section.optional("count", Given::whole);
+        let fraction = section.optional("solid_fraction", Given::number);
+        let domain = self.domain?;
+        let (lowest, highest) = domain.corners();
+        let (low, high) = (low?.unwrap_or(lowest), high?.unwrap_or(highest));
+        let box_of = high - low;
+        if box_of.min() < 0.0 || domain.beyond(&low, &high).is_some() {
+            section.fail("`low` and `high` are not the corners of a box within the domain");
+            return None;
+        }
+        let amount = match (count?, fraction?) {
+            (Some(count), None) => Amount::Count(count),
+            (None, Some(fraction)) => Amount::Volume(fraction * box_of.product()),
+            _ => {
+                section.fail("give either `count` or `solid_fraction`");
+                return None;
+            }
+        };
+        let (mix, velocity, orientations) = (mix?, velocity?, orientations?);
+        if !self.shapes.complete {
+            return None;
+        }
+        let library = &self.shapes.library;
+        let mut balls = Balls::new(domain, self.shapes.largest_radius(&mix));
+        let mut rows = Vec::new();
+        let mut volume = 0.0;
+        loop {
+            let is_full = match amount {
+                Amount::Count(count) => rows.len() as u64 >= count,
+                Amount::Volume(most) => volume >= most,
+            };
+            if is_full {
+                return Some(rows);
+            }
+            let mut random = Random::of(self.seed, first_id + rows.len() as u64);
+            let shape = mix.pick(random.unit());
+            let scale = library.sizes[shape.index()].draw(&mut random);
+            let quaternion = orientations.draw(&mut random);
+            let radius = library.radius[shape.index()] * scale;
+            let Some(position) = place(&balls, [low, high], radius, &mut random) else {
+                section.fail(full(rows.len(), &mix));
+                return None;
+            };
+            balls.add(position, radius);
+            volume += library.shapes[shape.index()].volume() * scale.powi(3);
+            let angular_velocity = Vec3::zeros();
+            rows.push(Listed { shape, scale, position, quaternion, velocity, angular_velocity });
+        }
+    }
+}
+
+/// A random place for a ball [m], whole between the corners along axes that do not repeat.
+fn place(balls: &Balls, [low, high]: [Vec3; 2], radius: f64, random: &mut Random) -> Option<Vec3> {
+    let periodic = balls.domain.periodic();
+    let margin = Vec3::from_fn(|axis, _| if periodic[axis] { 0.0 } else { radius });
+    let room = high - low - margin * 2.0;
+    if room.min() < 0.0 {
+        return None;
+    }
+    (0..TRIES)
+        .map(|_| low + margin + Vec3::from_fn(|axis, _| room[axis] * random.unit()))
+        .find(|place| balls.has_room(place, radius))
+}
+
+/// There is no more room.
+fn full(placed: usize, mix: &Mix) -> String {
+    let several =
+        if mix.shapes().count() > 1 { ", larger shapes in a fill before smaller ones" } else { "" };
+    format!(
+        "no place is left after {placed} particles, whose bounding balls must not touch: take fewer{several}, or a larger box that is \
+         pressed together later"
+    )
+}
