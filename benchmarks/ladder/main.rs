@@ -163,9 +163,11 @@ struct Rung {
     sizes: bool,
     /// A square of two triangles in place of the floor.
     mesh: bool,
+    /// Dashpots foresee velocities.
+    foresee: bool,
 }
 
-const RUNGS: [Rung; 14] = {
+const RUNGS: [Rung; 15] = {
     let spheres = Rung {
         name: "spheres with springs alone",
         grains: Grains::Spheres,
@@ -178,6 +180,7 @@ const RUNGS: [Rung; 14] = {
         hertz: false,
         sizes: false,
         mesh: false,
+        foresee: false,
     };
     let dashpots = Rung { name: "and dashpots", dashpots: true, ..spheres };
     let friction = Rung { name: "and friction", friction: true, ..dashpots };
@@ -188,6 +191,7 @@ const RUNGS: [Rung; 14] = {
     let hertz = Rung { name: "of elastic spheres, with a servo", hertz: true, ..servo };
     let sizes = Rung { name: "of spheres of many sizes", sizes: true, ..servo };
     let mesh = Rung { name: "and friction, on triangles", mesh: true, ..friction };
+    let foresee = Rung { name: "and friction, foreseen", foresee: true, ..friction };
     let ellipsoids = Rung {
         name: "the same of ellipsoids",
         grains: Grains::Ellipsoidal("kind = \"ellipsoid\"", [1.2, 1.1, 1.0]),
@@ -219,6 +223,7 @@ const RUNGS: [Rung; 14] = {
         superellipsoids,
         five_kinds,
         boxes,
+        foresee,
     ]
 };
 
@@ -241,6 +246,7 @@ impl Rung {
         let law = match (self.hertz, self.rolling) {
             (true, _) => "[law]\nnormal = \"hertz\"\n",
             (false, true) => "[law]\nrolling = \"spring\"\n",
+            (false, false) if self.foresee => "[law]\nforesee = true\n",
             (false, false) => "",
         };
         let folder = tempfile::tempdir()?;

@@ -3,7 +3,7 @@
 mod mutated;
 mod read;
 mod ready;
-mod scenes;
 mod scattered;
+mod scenes;
 mod schema;
 mod suggest;

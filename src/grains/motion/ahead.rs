@@ -19,20 +19,24 @@ const WEIGHT: f64 = 0.7;
 /// Foresees what velocities gain, before the first kick of a step of `dt` [s]. Of particles that are held it is nothing.
 pub fn foresee(particles: &mut Particles, field: &Field, dt: f64) {
     let kick = Kick::first(field, dt);
-    let mean = |last: Vec3, gain: Vec3| last * (1.0 - WEIGHT) + gain * WEIGHT;
-    for slot in 0..particles.owned {
-        if particles.is_held(slot) {
-            continue;
-        }
-        let [last, last_turning] = particles.ahead_of(slot);
-        let (before, mass) = (particles.velocity[slot], particles.mass(slot));
-        let after = kick.after(&before, &field.force(particles, slot), mass);
-        particles.ahead.velocity[slot] = mean(last, after - before);
-        if let Some(spin) = &particles.spin {
-            let before = particles.angular_momentum(slot);
-            let after = kick.after(&before, &spin.torque[slot].vector, 1.0);
-            let gain = particles.angular_velocity_for(slot, &(after - before));
-            particles.ahead.angular_velocity[slot] = mean(last_turning, gain);
+    let any_held = particles.library.held_shapes > 0;
+    let mut gains = std::mem::take(&mut particles.ahead);
+    for (slot, gain) in gains.velocity[..particles.owned].iter_mut().enumerate() {
+        if !(any_held && particles.is_held(slot)) {
+            let (before, mass) = (particles.velocity[slot], particles.mass(slot));
+            let after = kick.after(&before, &field.beside(&particles.force[slot], mass), mass);
+            *gain = *gain * (1.0 - WEIGHT) + (after - before) * WEIGHT;
         }
     }
+    if let Some(spin) = &particles.spin {
+        for (slot, gain) in gains.angular_velocity[..particles.owned].iter_mut().enumerate() {
+            if !(any_held && particles.is_held(slot)) {
+                let before = particles.angular_momentum(slot);
+                let after = kick.after(&before, &spin.torque[slot].vector, 1.0);
+                let turned = particles.angular_velocity_for(slot, &(after - before));
+                *gain = *gain * (1.0 - WEIGHT) + turned * WEIGHT;
+            }
+        }
+    }
+    particles.ahead = gains;
 }
