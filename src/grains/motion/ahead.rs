@@ -10,7 +10,6 @@
 //! contact adds to `e` the contact knows better, see `law::kernel::dashpots`.
 
 use super::{Field, Kick};
-use crate::math::Vec3;
 use crate::particles::Particles;
 
 /// Weight of the last step.
