@@ -244,16 +244,17 @@ fn kick_of<const SIZED: bool>(particles: &mut Particles, field: &Field, dt: f64)
     }
 }
 
-/// The second kick of angular momenta. Angular velocities stay those of before: the next step finds them again.
+/// The second kick of angular momenta. Angular velocities stay those of the turn: the next step finds them again.
 fn kick_momenta(particles: &mut Particles, kick: Kick) {
     for slot in 0..particles.owned {
         let Some(spin) = &mut particles.spin else { return };
-        let before = spin.angular_velocity[slot];
-        let momentum = kick.after(&spin.angular_momentum[slot], &spin.torque[slot].vector, 1.0);
-        spin.angular_momentum[slot] = momentum;
+        let before = spin.angular_momentum[slot];
+        let after = kick.after(&before, &spin.torque[slot].vector, 1.0);
+        spin.angular_momentum[slot] = after;
         if kick.damping > 0.0 {
-            let after = particles.angular_velocity_for(slot, &momentum);
-            particles.accumulated.damp(slot, kick.lost(&momentum, &before, &after));
+            let [first, last] =
+                [before, after].map(|momentum| particles.angular_velocity_for(slot, &momentum));
+            particles.accumulated.damp(slot, kick.lost(&after, &first, &last));
         }
     }
 }
