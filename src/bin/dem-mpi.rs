@@ -13,7 +13,7 @@ use dem_mpi::scene::{Fill, Scene, Stop, keys, plan, schema};
 use dem_mpi::sim::report::{machine_bytes, report};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
-use dem_mpi::text::{print_error, printable};
+use dem_mpi::text::{MOST_NAMED, listed, print_error, printable};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 use std::io::IsTerminal;
@@ -323,7 +323,8 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         }
     };
     if arguments.plan {
-        let printed = print(comm, format_args!("{}\n", plan::plan(&scene, comm.size())), 0);
+        let page = comm.is_root().then(|| plan::plan(&scene, comm.size()) + "\n");
+        let printed = print(comm, page.unwrap_or_default(), 0);
         // Whether the state fits the scene is seen when it is taken up.
         let fits = if scene.start.is_some() || arguments.start.is_some() {
             state(arguments, &scene, comm)
@@ -481,7 +482,7 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
     }
     if !taken.walls_elsewhere.is_empty() {
         let off = |(name, off): &(String, f64)| format!("{name} by {off:.4e} m");
-        let all = taken.walls_elsewhere.iter().map(off).collect::<Vec<_>>().join(", ");
+        let all = listed(taken.walls_elsewhere.iter().map(off), MOST_NAMED);
         print_once(
             comm,
             format!("walls stand where the stage before left them, off the scene's: {all}"),
@@ -500,7 +501,7 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
             format!(
                 "warning: walls of other surfaces than those of their names in the snapshot stand where the scene says, and no contact with \
                  them goes on: {}",
-                taken.other_walls.join(", ")
+                listed(&taken.other_walls, MOST_NAMED)
             ),
         );
     }

@@ -31,6 +31,7 @@ use crate::population::Library;
 use crate::sim::audit::Settings as Audit;
 use crate::sim::steps_of;
 use crate::sim::stop::When;
+use crate::text::{MOST_NAMED, listed};
 use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
@@ -71,11 +72,11 @@ pub(super) fn scene(
     }
 
     let Bodies { materials, shapes, walls, free_walls, domain, cell, law, .. } = bodies;
-    let left_out = laws::left_out(&root, &materials);
     let mut library = shapes.library;
     let law = law?;
     let jumps = before.and_then(|before| jumps::jumps(&before, &materials, &law, &library));
     let walls = walls.into_library(&mut library)?;
+    let left_out = laws::left_out(&root, &materials, &library);
     let Neighbours { skin, imbalance, order_every } = course.neighbours?;
     let (initial, rain) = grains.fills?;
     let Time { dt, own_step, steps, duration, allow_unstable } = course.time?;
@@ -542,7 +543,7 @@ fn check_smooth(root: &Section, library: &Library) {
     {
         method.fail(format!(
             "not for {}, which have edges or flat sides; take \"auto\", \"gjk-erosion\" or \"epa\"",
-            edged.join(", ")
+            listed(edged, MOST_NAMED)
         ));
     }
 }

@@ -10,6 +10,7 @@ use crate::ids::{MaterialId, ShapeId};
 use crate::population::sizes::Sizes;
 use crate::population::{Library, of_inertia, of_mass};
 use crate::shape::{Shape, Sphere};
+use crate::text::{MOST_NAMED, listed};
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
@@ -74,7 +75,7 @@ impl Names {
             (Some(given), ..) => self.find(&given, given.text()?),
             (None, only, None) if only.is_some() => only,
             (None, ..) => {
-                let names = self.listing().collect::<Vec<_>>().join(", ");
+                let names = listed(self.listing(), MOST_NAMED);
                 if !names.is_empty() {
                     section.fail(format!("`{key}` is missing: one of {names}"));
                 }

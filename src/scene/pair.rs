@@ -10,6 +10,7 @@ use crate::math::Vec3;
 use crate::pairs::Body;
 use crate::population::Library;
 use crate::sim::{Simulation, audit};
+use crate::text::{MOST_NAMED, listed};
 use thiserror::Error;
 
 /// What acts in a pair at rest, as if its bodies had just been put there: nothing is remembered, and dashpots do nothing.
@@ -51,7 +52,7 @@ impl Scene {
         let names = || self.materials.iter().map(|material| &*material.name);
         let found = names().position(|other| other == name);
         let none = || {
-            let all = names().collect::<Vec<_>>().join(", ");
+            let all = listed(names(), MOST_NAMED);
             PairError::NoMaterial(name.to_owned(), all)
         };
         found.map(|index| MaterialId(index as u16)).ok_or_else(none)

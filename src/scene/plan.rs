@@ -18,6 +18,7 @@ use crate::output::snapshot::{contact_bytes, particle_bytes};
 use crate::output::tables::PARTICLE_COLUMNS;
 use crate::shape::moments::Placement;
 use crate::shape::{Convex as _, Kind, Shape, Union};
+use crate::text::listed;
 use crate::walls::{Mesh, Wall};
 use std::collections::BTreeSet;
 use std::fmt::Display;
@@ -28,8 +29,8 @@ const CONTACTS_PER_PARTICLE: u64 = 4;
 /// Time to make a cell behind a triangle, and to look at another triangle for it, about [s].
 const SECONDS_PER_CELL: f64 = 1e-5;
 const SECONDS_PER_LOOK: f64 = 5e-8;
-/// So many pairs of materials are listed, the others counted.
-const PAIRS_SHOWN: usize = 50;
+/// So many shapes and pairs of materials are listed, the others counted.
+const SHOWN: usize = 50;
 
 /// What is in, what is left out and why, and the bytes, messages and time steps that follow, for a run
 /// on so many ranks. Numbers of particles per rank are estimates for the settled bed.
@@ -129,13 +130,13 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     let law = scene.force_law();
     page.line("law", law.about().name());
     let pairs = pairs_of_materials(scene);
-    for &(a, b) in pairs.iter().take(PAIRS_SHOWN) {
+    for &(a, b) in pairs.iter().take(SHOWN) {
         let words = law.about().words(a, b);
         let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
         page.line("constants", format!("{a}-{b}: {words}"));
     }
-    if pairs.len() > PAIRS_SHOWN {
-        page.line("", format!("and of {} more pairs of materials", pairs.len() - PAIRS_SHOWN));
+    if pairs.len() > SHOWN {
+        page.line("", format!("and of {} more pairs of materials", pairs.len() - SHOWN));
     }
     for limit in law.about().limits() {
         page.line("bounds", limit);
@@ -198,20 +199,21 @@ fn shares(scene: &Scene, mix: &Mix, page: &mut Page) {
     }
     let library = &scene.library;
     let mean = library.mean_over(mix, |shape| library.mass[shape.index()]);
-    let listed = |of_share: &dyn Fn(ShapeId, f64) -> f64| {
+    let all = |of_share: &dyn Fn(ShapeId, f64) -> f64| {
         let one = |(shape, share): (ShapeId, f64)| {
             format!("{} {:.2} %", library.names[shape.index()], 100.0 * of_share(shape, share))
         };
-        mix.shares().map(one).collect::<Vec<_>>().join(", ")
+        listed(mix.shares().map(one), SHOWN)
     };
-    let by_number = listed(&|_, share| share);
-    let by_mass = listed(&|shape, share| share * library.mean_mass(shape) / mean);
+    let by_number = all(&|_, share| share);
+    let by_mass = all(&|shape, share| share * library.mean_mass(shape) / mean);
     page.line("", format!("shares by number: {by_number}; by mass: {by_mass}"));
 }
 
 fn shapes(scene: &Scene, page: &mut Page) {
     let library = &scene.library;
-    for (index, shape) in library.shapes[..library.own_shapes()].iter().enumerate() {
+    let own = &library.shapes[..library.own_shapes()];
+    for (index, shape) in own.iter().enumerate().take(SHOWN) {
         let size = if let Shape::Sphere(sphere) = shape {
             format!("radius {:.4e} m", sphere.radius)
         } else {
@@ -244,6 +246,9 @@ fn shapes(scene: &Scene, page: &mut Page) {
             );
         }
     }
+    if own.len() > SHOWN {
+        page.line("", format!("and {} more shapes", own.len() - SHOWN));
+    }
 }
 
 /// How many, and how well they are known.
@@ -264,17 +269,17 @@ fn pieces_of(body: &Union) -> String {
 fn walls(scene: &Scene, page: &mut Page) {
     let walls = |moving: bool| {
         let names = scene.walls.iter().filter(|wall| wall.moves == moving);
-        names.map(|wall| wall.name.as_str()).collect::<Vec<_>>().join(", ")
+        listed(names.map(|wall| wall.name.as_str()), SHOWN)
     };
     let belts = scene.walls.iter().filter(|wall| wall.is_belt());
     let belts = belts.map(|wall| format!("{}: {:?} m/s", wall.name, wall.surface_velocity.norm()));
-    let belts = belts.collect::<Vec<_>>().join(", ");
+    let belts = listed(belts, SHOWN);
     let wearing = scene.walls.iter().filter(|wall| wall.wears).map(|wall| {
         let triangles = wall.mesh.as_ref().map_or(0, |mesh| mesh.surface.len());
         let bytes = Ledger::BYTES * (triangles + 1);
         format!("{}: {} kB on every rank", wall.name, bytes.div_ceil(1000))
     });
-    let wearing = wearing.collect::<Vec<_>>().join(", ");
+    let wearing = listed(wearing, SHOWN);
     for (label, names) in [
         ("fixed walls", walls(false)),
         ("moving walls", walls(true)),
@@ -360,11 +365,14 @@ fn motion(wall: &Wall) -> Option<String> {
 }
 
 /// Which materials can meet.
-fn pairs_of_materials(scene: &Scene) -> BTreeSet<(MaterialId, MaterialId)> {
-    let (grains, all) =
-        (&scene.library.materials[..scene.library.particle_shapes], &scene.library.materials);
-    let with = |&a: &MaterialId| all.iter().map(move |&b| (a.min(b), a.max(b)));
-    grains.iter().flat_map(with).collect()
+fn pairs_of_materials(scene: &Scene) -> Vec<(MaterialId, MaterialId)> {
+    let library = &scene.library;
+    let grains: BTreeSet<_> = library.materials[..library.particle_shapes].iter().collect();
+    let all: BTreeSet<_> = library.materials.iter().collect();
+    let with = |&a: &MaterialId| all.range(a..).map(move |&&b| (a, b));
+    let mut pairs: Vec<_> = all.iter().copied().flat_map(with).collect();
+    pairs.retain(|(a, b)| grains.contains(a) || grains.contains(b));
+    pairs
 }
 
 /// Which kinds of shapes can meet.

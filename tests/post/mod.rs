@@ -1,5 +1,6 @@
 //! What is computed from a snapshot, against closed forms and the independent reference.
 
+mod drawings;
 mod fabric;
 mod files;
 mod measures;

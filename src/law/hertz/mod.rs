@@ -330,7 +330,7 @@ impl About for Hertz {
     fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
         let constants = self.settings.interactions.of(body.material, other);
         let widest = self.widest[body.shape.index()] * body.scale;
-        hardest(constants, widest * self.settings.largest_overlap.sqrt(), reduced_mass)
+        hardest(&constants, widest * self.settings.largest_overlap.sqrt(), reduced_mass)
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
@@ -402,7 +402,7 @@ impl Model for Hertz {
         let radius = |body: &Body| self.radii[body.shape.index()] * body.scale;
         let root_of_radius =
             if self.curved { 1.0 } else { (1.0 / (1.0 / radius(a) + 1.0 / radius(b))).sqrt() };
-        Elastic::of(constants, root_of_radius, reduced_mass(a, b))
+        Elastic::of(&constants, root_of_radius, reduced_mass(a, b))
     }
 
     #[inline(always)]
