@@ -10,7 +10,7 @@
 use super::reader::{Given, Section};
 use crate::math::{Quat, Vec3, rotation_about};
 use crate::shape::mesh::{self, MeshError};
-use crate::shape::moments::{Moments, Placement};
+use crate::shape::moments::{Moments, Placement, Principal};
 use crate::shape::union::Piece;
 use crate::shape::{Convex as _, Polyhedron, Shape, Sphere, Union};
 use crate::text;
@@ -29,11 +29,13 @@ pub(super) fn turn(given: &Given) -> Option<Quat> {
     Some(rotation_about(&axis?, angle?.to_radians()))
 }
 
-/// The union that a section means. `find` knows shapes by their names; paths are relative to the folder.
+/// The union that a section means. `find` knows shapes by their names; paths are relative to the folder. `kept` is the union of this name with
+/// which the particles were before.
 pub(super) fn union(
     section: &Section,
     find: impl Fn(&Given) -> Option<Shape>,
     folder: &Path,
+    kept: impl Fn(&str) -> Option<Union>,
 ) -> Option<Shape> {
     let scale = section.number_or("scale", 1.0);
     let tolerance = section.number_or("tolerance", TOLERANCE);
@@ -46,7 +48,10 @@ pub(super) fn union(
             all.into_iter().collect::<Option<Vec<Piece>>>()?
         }
         [Some(count), Some(file), None] => {
-            return cut(&file, folder, scale?, count.whole()? as u32, tolerance?);
+            let wanted = Wanted { count: count.whole()? as u32, tolerance: tolerance? };
+            let name = section.get("name");
+            let kept = || name.as_ref().and_then(Given::text).and_then(&kept);
+            return cut(&file, &folder.join(file.text()?), scale?, &wanted, kept);
         }
         [None, Some(file), None] => of_files(&[file], section, folder, scale?)?,
         [None, None, Some(files)] => of_files(&files.list()?, section, folder, scale?)?,
@@ -145,10 +150,42 @@ const RESOLUTION: u32 = 64;
 /// How much of its volume a part may lack to its hull, before it is cut again.
 const CONCAVITY: f64 = 0.001;
 
-/// A closed mesh of any form, cut into so many pieces at most. Volume, centre and moments of inertia are the mesh's.
-fn cut(given: &Given, folder: &Path, scale: f64, count: u32, tolerance: f64) -> Option<Shape> {
-    let path = folder.join(given.text()?);
-    let mut triangles = mesh::triangles(&path).map_err(|error| given.fail(error)).ok()?;
+/// By which library meshes are cut, and how, for `--plan`.
+pub(super) fn cut_by() -> String {
+    format!(
+        "V-HACD of parry3d-f64 0.31, {RESOLUTION} cells along its longest side, concavity {CONCAVITY}"
+    )
+}
+
+/// How a mesh is to be cut.
+struct Wanted {
+    /// Into so many pieces at most.
+    count: u32,
+    /// How far these may be from it, over the radius of the body.
+    tolerance: f64,
+}
+
+impl Wanted {
+    fn is_near(&self, body: &Union) -> bool {
+        body.far() <= self.tolerance * body.bounding_radius()
+    }
+
+    /// Was a union cut from a mesh with these moments as this one is to be? Then it stays, whatever the library would make of the mesh now.
+    fn is_it(&self, body: &Union, mesh: &Principal) -> bool {
+        let is_same = body.volume() == mesh.volume && body.gyration() == mesh.gyration;
+        is_same && body.asked() == self.count && self.is_near(body)
+    }
+}
+
+/// A closed mesh of any form, cut into pieces, or as it has been before. Volume, centre and moments of inertia are the mesh's.
+fn cut(
+    given: &Given,
+    path: &Path,
+    scale: f64,
+    wanted: &Wanted,
+    kept: impl Fn() -> Option<Union>,
+) -> Option<Shape> {
+    let mut triangles = mesh::triangles(path).map_err(|error| given.fail(error)).ok()?;
     triangles.iter_mut().flatten().for_each(|corner| *corner *= scale);
     let (corners, faces) = mesh::welded(&triangles);
     if let Some(open) = mesh::open_edge(&faces) {
@@ -159,10 +196,33 @@ fn cut(given: &Given, folder: &Path, scale: f64, count: u32, tolerance: f64) -> 
         ));
         return None;
     }
-    if Moments::of_surface(&triangles).volume() <= 0.0 {
+    let moments = Moments::of_surface(&triangles);
+    if moments.volume() <= 0.0 {
         given.fail("holds no volume: let its triangles face outwards");
         return None;
     }
+    let principal = moments.principal();
+    if let Some(body) = kept().filter(|body| wanted.is_it(body, &principal)) {
+        return Some(Shape::Union(Box::new(body)));
+    }
+    let pieces = hulls(&corners, &faces, wanted.count);
+    let body = Union::in_surface(pieces, &triangles).map_err(|error| given.fail(error)).ok()?;
+    if !wanted.is_near(&body) {
+        let (size, far) = (body.bounding_radius(), body.far());
+        given.fail(format!(
+            "{} pieces are up to {far:.3e} m ({:.1} % of its radius) from the mesh, more than `tolerance` = {}: take more `pieces`, or \
+             another tolerance",
+            body.pieces().len(),
+            100.0 * far / size,
+            wanted.tolerance
+        ));
+        return None;
+    }
+    Some(Shape::Union(Box::new(body.of_at_most(wanted.count))))
+}
+
+/// Convex hulls of the parts into which a surface is cut, so many at most.
+fn hulls(corners: &[Vec3], faces: &[[u32; 3]], count: u32) -> Vec<Piece> {
     let parameters = VHACDParameters {
         resolution: RESOLUTION,
         concavity: CONCAVITY,
@@ -170,8 +230,8 @@ fn cut(given: &Given, folder: &Path, scale: f64, count: u32, tolerance: f64) -> 
         ..VHACDParameters::default()
     };
     let points: Vec<Vector> = corners.iter().map(|at| Vector::new(at.x, at.y, at.z)).collect();
-    let parts = VHACD::decompose(&parameters, &points, &faces, true);
-    let hulls = parts.compute_exact_convex_hulls(&points, &faces);
+    let parts = VHACD::decompose(&parameters, &points, faces, true);
+    let hulls = parts.compute_exact_convex_hulls(&points, faces);
     let mut pieces = Vec::new();
     for (hull, _) in hulls {
         let corners: Vec<Vec3> = hull.iter().map(|at| Vec3::new(at.x, at.y, at.z)).collect();
@@ -181,16 +241,5 @@ fn cut(given: &Given, folder: &Path, scale: f64, count: u32, tolerance: f64) -> 
             pieces.push(placed(shape, &Vec3::zeros(), &Quat::identity()));
         }
     }
-    let body = Union::in_surface(pieces, &triangles).map_err(|error| given.fail(error)).ok()?;
-    let (size, far) = (body.bounding_radius(), body.far());
-    if far > tolerance * size {
-        given.fail(format!(
-            "{} pieces are up to {far:.3e} m ({:.1} % of its radius) from the mesh, more than `tolerance` = {tolerance}: take more `pieces`, or \
-             another tolerance",
-            body.pieces().len(),
-            100.0 * far / size
-        ));
-        return None;
-    }
-    Some(Shape::Union(Box::new(body)))
+    pieces
 }
