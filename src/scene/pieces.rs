@@ -9,6 +9,7 @@
 
 use super::reader::{Given, Section};
 use crate::math::{Quat, Vec3, rotation_about};
+use crate::shape::hull::HullError;
 use crate::shape::mesh::{self, MeshError};
 use crate::shape::moments::{Moments, Placement, Principal};
 use crate::shape::union::Piece;
@@ -16,6 +17,7 @@ use crate::shape::{Convex as _, Polyhedron, Shape, Sphere, Union};
 use crate::text;
 use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// By default the pieces of a mesh are as near to it as this part of its size.
@@ -205,7 +207,7 @@ fn cut(
     if let Some(body) = kept().filter(|body| wanted.is_it(body, &principal)) {
         return Some(Shape::Union(Box::new(body)));
     }
-    let pieces = hulls(&corners, &faces, wanted.count);
+    let pieces = hulls(&corners, &faces, wanted.count).map_err(|error| given.fail(error)).ok()?;
     let body = Union::in_surface(pieces, &triangles).map_err(|error| given.fail(error)).ok()?;
     if !wanted.is_near(&body) {
         let (size, far) = (body.bounding_radius(), body.far());
@@ -222,7 +224,10 @@ fn cut(
 }
 
 /// Convex hulls of the parts into which a surface is cut, so many at most.
-fn hulls(corners: &[Vec3], faces: &[[u32; 3]], count: u32) -> Vec<Piece> {
+///
+/// # Errors
+/// What is wrong with a part.
+fn hulls(corners: &[Vec3], faces: &[[u32; 3]], count: u32) -> Result<Vec<Piece>, String> {
     let parameters = VHACDParameters {
         resolution: RESOLUTION,
         concavity: CONCAVITY,
@@ -231,15 +236,71 @@ fn hulls(corners: &[Vec3], faces: &[[u32; 3]], count: u32) -> Vec<Piece> {
     };
     let points: Vec<Vector> = corners.iter().map(|at| Vector::new(at.x, at.y, at.z)).collect();
     let parts = VHACD::decompose(&parameters, &points, faces, true);
-    let hulls = parts.compute_exact_convex_hulls(&points, faces);
-    let mut pieces = Vec::new();
-    for (hull, _) in hulls {
+    let mut bodies = Vec::new();
+    for (hull, _) in parts.compute_exact_convex_hulls(&points, faces) {
         let corners: Vec<Vec3> = hull.iter().map(|at| Vec3::new(at.x, at.y, at.z)).collect();
-        // A part without a volume adds nothing.
-        if let Ok(body) = Polyhedron::around(&corners) {
-            let shape = Shape::Polyhedron(Box::new(body));
-            pieces.push(placed(shape, &Vec3::zeros(), &Quat::identity()));
+        bodies.extend(around(corners)?);
+    }
+    let place = |body: Polyhedron| {
+        placed(Shape::Polyhedron(Box::new(body)), &Vec3::zeros(), &Quat::identity())
+    };
+    Ok(joined(bodies, count as usize)?.into_iter().map(place).collect())
+}
+
+/// The hull of points, of which some may be the same; `None` if it has no volume.
+fn around(mut points: Vec<Vec3>) -> Result<Option<Polyhedron>, String> {
+    loop {
+        match Polyhedron::around(&points) {
+            Ok(body) => return Ok(Some(body)),
+            Err(HullError::Same { second, .. }) => drop(points.swap_remove(second)),
+            // A part without a volume adds nothing.
+            Err(HullError::Flat | HullError::TooFew { .. }) => return Ok(None),
+            Err(error) => return Err(format!("cannot be cut: {error}")),
         }
     }
-    pieces
+}
+
+/// The cutting halves parts and may leave twice as many as are asked for. The two whose common hull adds the least volume become one,
+/// until there are so many at most.
+fn joined(bodies: Vec<Polyhedron>, count: usize) -> Result<Vec<Polyhedron>, String> {
+    let mut left = bodies.len();
+    let mut bodies: Vec<Option<Polyhedron>> = bodies.into_iter().map(Some).collect();
+    let mut common: BTreeMap<[usize; 2], (f64, Polyhedron)> = BTreeMap::new();
+    let mut known = 0;
+    while left > count {
+        for other in known..bodies.len() {
+            for one in 0..other {
+                let [Some(a), Some(b)] = [&bodies[one], &bodies[other]] else { continue };
+                if are_near(a, b)
+                    && let Some(hull) = around([a, b].map(corners_of).concat())?
+                {
+                    common.insert([one, other], (hull.volume() - a.volume() - b.volume(), hull));
+                }
+            }
+        }
+        known = bodies.len();
+        let least = common.iter().min_by(|(_, (a, _)), (_, (b, _))| a.total_cmp(b));
+        let Some((&pair, _)) = least else {
+            return Err(format!("{left} of its parts do not touch: take as many `pieces`"));
+        };
+        bodies.push(common.remove(&pair).map(|(_, hull)| hull));
+        for k in pair {
+            bodies[k] = None;
+        }
+        common.retain(|of, _| !of.iter().any(|k| pair.contains(k)));
+        left -= 1;
+    }
+    Ok(bodies.into_iter().flatten().collect())
+}
+
+/// Corners in the axes of the file.
+fn corners_of(body: &Polyhedron) -> Vec<Vec3> {
+    let Placement { centre, axes } = body.placement();
+    body.hull().vertices().iter().map(|corner| centre + axes * corner).collect()
+}
+
+/// Do balls around two bodies overlap?
+fn are_near(one: &Polyhedron, other: &Polyhedron) -> bool {
+    let apart = (one.placement().centre - other.placement().centre).norm();
+    apart < one.bounding_radius() + other.bounding_radius()
 }

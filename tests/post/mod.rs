@@ -2,6 +2,7 @@
 
 mod fabric;
 mod files;
+mod forms;
 mod measures;
 mod pieces;
 mod plots;

@@ -256,7 +256,7 @@ fn apart(count: usize, side: f64, distance: f64, random: &mut Random) -> Vec<Vec
 }
 
 /// Where the line through the last two points is zero.
-fn vanishing(points: &[(f64, f64)]) -> Option<f64> {
+pub(super) fn vanishing(points: &[(f64, f64)]) -> Option<f64> {
     let [(a, p), (b, q)] = points.last_chunk::<2>()?;
     Some(b - q * (a - b) / (p - q))
 }
