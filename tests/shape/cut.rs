@@ -92,6 +92,7 @@ fn pieces_stay_as_they_were_cut() {
     let mut comm = Alone::default();
     let sim = begun(&scene, &mut comm);
     let mut header = sim.header(&scene.text, &[], &mut comm);
+    header.shapes[0].semi_axes = other.half_lengths();
     header.shapes[0].geometry = Some(Shape::Union(Box::new(other.clone())));
     let (particles, contacts, records) =
         (sim.particle_table(comm.rank()), sim.contact_table(), sim.contact_records());

@@ -161,7 +161,7 @@ fn a_body_of_blocks_turns_freely() {
             let found = (crossings[count] - crossings[0]) / count as f64;
             let moments = Vec3::from(order.map(|k| inertia[k]));
             let expected = half_period(&moments, &Vec3::from(order.map(|k| spin[k])));
-            assert!(count >= 3, "{crossings:?}");
+            assert!(count >= 2, "{crossings:?}");
             close(found, expected, 1e-6, "time between flips");
         } else {
             assert!(crossings.is_empty(), "a jack tumbles");
