@@ -1,6 +1,6 @@
 //! A shape by itself: drawn from three sides and aslant, each piece in its own colour, and as a surface.
 //!
-//! Triangles are drawn from the farthest to the nearest, in parallel light from above and the left. Those of unions are cut to a seventh of
+//! Triangles are drawn from the farthest to the nearest, in parallel light from above and the left. Those of unions are cut to a fifth of
 //! the size, and left out within other pieces.
 
 use super::side::scale_bar;
@@ -27,7 +27,7 @@ const MARGIN: f64 = 12.0;
 const HEAD: f64 = 26.0;
 const FOOT: f64 = 34.0;
 /// A side of a triangle of a piece is no longer than this part of the bounding radius.
-const FINE: f64 = 0.15;
+const FINE: f64 = 0.2;
 
 /// The surface of a shape, by pieces; one piece if it is no union.
 #[derive(Clone, Debug)]
@@ -103,7 +103,7 @@ impl Form {
             let _ = writeln!(
                 out,
                 r##"<text x="{left:.1}" y="17" font-family="sans-serif" font-size="13" fill="#5B6672">{title}</text>
-<g transform="translate({:.1} {:.1})" stroke-width="0.4" stroke-linejoin="round">"##,
+<g transform="translate({:.1} {:.1})" fill="currentColor" stroke="currentColor" stroke-width="0.4" stroke-linejoin="round">"##,
                 left + HALF,
                 HEAD + HALF
             );
@@ -164,10 +164,11 @@ impl Form {
     }
 }
 
-/// Triangles that face the viewer, the farthest first; `seen` turns into axes to the right, up and towards the viewer.
+/// Triangles that face the viewer, the farthest first; `seen` turns into axes to the right, up and towards the viewer. Those of one colour that
+/// follow each other are one path.
 fn panel(triangles: &[Triangle], seen: &Mat3, scale: f64, out: &mut String) {
     let light = Vec3::new(-0.4, 0.6, 0.7).normalize();
-    let mut drawn: Vec<(f64, String)> = Vec::new();
+    let mut drawn: Vec<(f64, String, String)> = Vec::new();
     for Triangle { corners, normal, piece } in triangles {
         let normal = seen * normal;
         if normal.z <= 0.0 {
@@ -176,16 +177,16 @@ fn panel(triangles: &[Triangle], seen: &Mat3, scale: f64, out: &mut String) {
         let [a, b, c] = corners.map(|corner| seen * corner * scale);
         let bright = 0.55 + 0.45 * normal.dot(&light).max(0.0);
         let [red, green, blue] = COLOURS[piece % COLOURS.len()].map(|part| (part * bright) as u8);
-        let colour = format!("#{red:02X}{green:02X}{blue:02X}");
-        let path = format!(
-            r#"<path d="M{:.1} {:.1}L{:.1} {:.1} {:.1} {:.1}z" fill="{colour}" stroke="{colour}"/>"#,
-            a.x, -a.y, b.x, -b.y, c.x, -c.y
-        );
-        drawn.push((a.z + b.z + c.z, path));
+        let path =
+            format!("M{:.1} {:.1}L{:.1} {:.1} {:.1} {:.1}z", a.x, -a.y, b.x, -b.y, c.x, -c.y);
+        drawn.push((a.z + b.z + c.z, format!("#{red:02X}{green:02X}{blue:02X}"), path));
     }
     drawn.sort_by(|one, other| one.0.total_cmp(&other.0));
-    for (_, path) in drawn {
-        out.push_str(&path);
-        out.push('\n');
+    for of_one_colour in drawn.chunk_by(|one, other| one.1 == other.1) {
+        let _ = write!(out, r#"<path color="{}" d=""#, of_one_colour[0].1);
+        for (.., path) in of_one_colour {
+            out.push_str(path);
+        }
+        out.push_str("\"/>\n");
     }
 }
