@@ -143,7 +143,7 @@ impl Columns {
             normal_force: self.normal_force(place, law, particles),
             force,
             point: self.point(place, particles),
-            patch: self.patches.get(place).copied().unwrap_or(Patch::POINT),
+            patch: self.patches.get(place),
         })
     }
 
@@ -250,7 +250,7 @@ pub struct Loaded<'a> {
     /// Where it acts, seen from the centre of A [m].
     pub point: Vec3,
     /// What else there is of it, if it has an extent.
-    pub patch: Patch,
+    pub patch: Option<&'a Patch>,
 }
 
 /// The touching contacts of a rank.

@@ -120,7 +120,8 @@ impl Scene {
             let point =
                 particles.position[pair.a.index()] - particles.position[first.index()] + point;
             let (force, normal) = (force * sign, geometry.normal * sign);
-            let couple = patch.lever * (sign * sim.law.elastic(pair, particles, geometry));
+            let lever = patch.map_or_else(Vec3::zeros, |patch| patch.lever);
+            let couple = lever * (sign * sim.law.elastic(pair, particles, geometry));
             let touch = Touch { overlap: geometry.overlap, normal, point };
             let moment = point.cross(&force) + couple;
             let stored = sim.law.stored(pair, particles, geometry, state);
