@@ -8,6 +8,7 @@ use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::output::snapshot;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{Continuation, assemble, take_up};
+use dem_mpi::scene::plan::plan;
 use dem_mpi::shape::mesh::triangles;
 use dem_mpi::shape::union::Piece;
 use dem_mpi::shape::{Convex as _, Polyhedron, Shape, Union};
@@ -61,6 +62,12 @@ fn a_mesh_is_cut_into_pieces() {
     let body = union_of(&scene);
     assert_eq!(body.pieces().len(), 5);
     assert!(body.error().abs() < 0.02 && body.far() < 0.07 * body.bounding_radius(), "{body:?}");
+    // The plan names the library that is built in.
+    let manifest = include_str!("../../Cargo.toml");
+    let (_, version) = manifest.split_once("parry3d-f64 = { version = \"").expect("a library");
+    let version = &version[..version.find('"').expect("a version")];
+    let told = plan(&scene, 1);
+    assert!(told.contains(&format!("(V-HACD of parry3d-f64 {version}, 64 cells")), "{told}");
     let text = text.replace("tolerance = 0.1", "tolerance = 0.01");
     let refused = Scene::parse(&text, "test", Path::new(""), &[]).unwrap_err().to_string();
     assert!(refused.contains("more than `tolerance` = 0.01: take more `pieces`"), "{refused}");
