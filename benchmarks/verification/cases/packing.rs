@@ -240,7 +240,7 @@ fn jamming(effort: Effort, findings: &mut Findings) {
 }
 
 /// Random places in a periodic box that are so far apart [m] at least, one after the other.
-fn apart(count: usize, side: f64, distance: f64, random: &mut Random) -> Vec<Vec3> {
+pub(super) fn apart(count: usize, side: f64, distance: f64, random: &mut Random) -> Vec<Vec3> {
     let mut places: Vec<Vec3> = Vec::new();
     while places.len() < count {
         let place = Vec3::from_fn(|_, _| side * random.unit());

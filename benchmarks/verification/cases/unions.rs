@@ -1,7 +1,7 @@
 //! Bodies of several pieces: collisions that keep their energy, and dimers that jam.
 
 use super::faces::{ENERGY, Pair};
-use super::packing::vanishing;
+use super::packing::{apart, vanishing};
 use super::setup::{begun, parse};
 use super::{Case, Curve, Effort, Findings, Grain, Picture};
 use benchmarking::grains::csv;
@@ -72,12 +72,17 @@ fn collisions(effort: Effort, findings: &mut Findings) {
             }
         }
     }
-    findings.cases.extend(cases.map(|(_, case)| case));
+    // What is asked for; the record tells how far off each two are.
+    let short = "in dents and at seams contacts begin and end on shorter ways than those of convex bodies, and need shorter steps";
+    let told = cases.map(|(_, case)| Case { short_until: Some(short), ..case });
+    findings.cases.extend(told);
 }
 
 /// How long dimers are over their thickness, where they are densest.
 const LONG: f64 = 1.3;
-const COUNT: usize = 400;
+const COUNT: usize = 300;
+/// The solid fraction from which they grow.
+const LOOSE: f64 = 0.12;
 
 /// Dimers without friction that grow from random places, and shrink again until they no longer press.
 fn dimers(findings: &mut Findings) {
@@ -93,18 +98,16 @@ fn dimers(findings: &mut Findings) {
     let mut curves = Vec::new();
     for seed in 1..=2 {
         let mut random = Random::of(seed, 0);
-        let place = |_| {
-            let at = Vec3::from_fn(|_, _| random.unit());
-            Grain::at("dimer", at).turned(random.rotation())
-        };
-        let mut grains: Vec<Grain> = (0..COUNT).map(place).collect();
-        for solid in [0.3, 0.45, 0.55, 0.62, 0.66, 0.69] {
+        let places = apart(COUNT, 1.0, 2.0 * LONG * radius(LOOSE), &mut random);
+        let turned = |at| Grain::at("dimer", at).turned(random.rotation());
+        let mut grains: Vec<Grain> = places.into_iter().map(turned).collect();
+        for solid in [LOOSE, 0.3, 0.45, 0.55, 0.62, 0.66, 0.69] {
             grains = relaxed(solid, 1.0, &grains, 2000).0;
         }
         let (mut points, mut solid) = (Vec::new(), 0.73);
         // Towards the point where nothing presses, each time half of the way that is left.
-        for _ in 0..6 {
-            let (after, pressure) = relaxed(solid, 0.1, &grains, 10_000);
+        for _ in 0..5 {
+            let (after, pressure) = relaxed(solid, 0.1, &grains, 8000);
             grains = after;
             if pressure < 1e-9 {
                 break;
@@ -125,14 +128,17 @@ fn dimers(findings: &mut Findings) {
     });
 }
 
-/// Dimers of unit mass and stiffness that fill this part of a periodic box of 1 m, after so many steps, and their pressure.
-fn relaxed(solid: f64, damping: f64, grains: &[Grain], steps: usize) -> (Vec<Grain>, f64) {
-    // Two balls of radius r with their centres 2 (LONG - 1) r apart, less the lens of both.
+/// Of each of two balls with their centres `2 (LONG - 1)` radii apart, less the lens of both, where dimers fill this part of the box [m].
+fn radius(solid: f64) -> f64 {
     let apart = 2.0 * (LONG - 1.0);
     let lens = PI * (4.0 + apart) * (2.0 - apart).powi(2) / 12.0;
-    let volume = solid / COUNT as f64;
-    let radius = (volume / (8.0 / 3.0 * PI - lens)).cbrt();
-    let half = 0.5 * apart * radius;
+    (solid / COUNT as f64 / (8.0 / 3.0 * PI - lens)).cbrt()
+}
+
+/// Dimers of unit mass and stiffness that fill this part of a periodic box of 1 m, after so many steps, and their pressure.
+fn relaxed(solid: f64, damping: f64, grains: &[Grain], steps: usize) -> (Vec<Grain>, f64) {
+    let (volume, radius) = (solid / COUNT as f64, radius(solid));
+    let half = (LONG - 1.0) * radius;
     let text = format!(
         r#"global_damping = {damping:e}
 [domain]
