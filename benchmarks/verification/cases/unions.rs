@@ -6,7 +6,7 @@ use super::setup::{begun, parse};
 use super::{Case, Curve, Effort, Findings, Grain, Picture};
 use benchmarking::grains::csv;
 use dem_mpi::comm::alone::Alone;
-use dem_mpi::math::{Quat, Vec3};
+use dem_mpi::math::Quat;
 use dem_mpi::random::Random;
 use dem_mpi::sim::Simulation;
 use std::f64::consts::PI;
