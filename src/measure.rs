@@ -409,7 +409,7 @@ impl Totals {
     }
 
     fn add_contact(&mut self, contact: &Loaded, law: &dyn ForceLaw, particles: &Particles) {
-        let &Loaded { pair, geometry, state, normal_force, force, point: _ } = contact;
+        let &Loaded { pair, geometry, state, normal_force, force, .. } = contact;
         let Pair { a, b } = pair;
         self.add(Of::Stored, law.stored(pair, particles, geometry, state));
         self.add(Of::ContactForce, force.norm());

@@ -57,9 +57,10 @@ pub(super) fn scene(
     form::check(&root);
     let root = root.section()?;
     let general = General::read(&root, file, need);
-    let mut bodies = Bodies::read(&root, &folder, general.gravity);
+    let snapshot = snapshot_before(general.start.as_ref(), need);
+    let mut bodies = Bodies::read(&root, &folder, general.gravity, snapshot);
     let mut grains = Grains::read(&root, &folder, &mut bodies, &general);
-    let before = sizes_before(&mut bodies.shapes.library, general.start.as_ref(), need);
+    let before = sizes_before(&mut bodies.shapes.library, snapshot, need);
     let groups = read_groups(&root, &folder, &mut bodies, &mut grains, general.gravity);
     let course = Course::read(&root, &mut bodies, general.seed, &grains);
     if let (Some(groups), Some(time), true) = (&groups, &course.time, bodies.shapes.complete) {
@@ -163,10 +164,15 @@ struct Bodies<'a> {
 }
 
 impl<'a> Bodies<'a> {
-    fn read(root: &Section<'a>, folder: &Path, gravity: Option<Vec3>) -> Self {
+    fn read(
+        root: &Section<'a>,
+        folder: &Path,
+        gravity: Option<Vec3>,
+        before: Option<&Path>,
+    ) -> Self {
         let kind = laws::kind(root);
         let (materials, law) = laws::materials(root, kind);
-        let shapes = Shapes::read(root, &materials, folder);
+        let shapes = Shapes::read(root, &materials, folder, before);
         let domain_section = root.section("domain");
         let domain = element::domain(root, domain_section.as_ref().and_then(domain).as_ref());
         let cell = element::control(root);
@@ -245,16 +251,20 @@ fn read_groups(
     all
 }
 
-/// Makes room in the library for the particles of a stage before. Returns its scene.
-fn sizes_before(
-    library: &mut Library,
-    start: Option<&Option<PathBuf>>,
-    need: Need,
-) -> Option<String> {
-    let before = match (need, start) {
+/// The snapshot with which the run begins, or goes on.
+fn snapshot_before<'a>(start: Option<&'a Option<PathBuf>>, need: Need<'a>) -> Option<&'a Path> {
+    match need {
+        Need::Snapshot(own) => Some(own),
+        Need::AllFiles => start?.as_deref(),
+    }
+}
+
+/// Makes room in the library for the particles of that snapshot. Returns its scene.
+fn sizes_before(library: &mut Library, snapshot: Option<&Path>, need: Need) -> Option<String> {
+    let before = match (need, snapshot) {
         (Need::Snapshot(own), _) => before::admit_to_go_on(library, own),
-        (Need::AllFiles, Some(Some(path))) => before::admit(library, path),
-        (Need::AllFiles, _) => None,
+        (Need::AllFiles, Some(path)) => before::admit(library, path),
+        (Need::AllFiles, None) => None,
     };
     if library.most.iter().sum::<f64>() <= 1.0 {
         // One alone stands for many, as where others are put beside it by a program.

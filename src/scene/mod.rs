@@ -34,6 +34,7 @@ mod listed;
 mod matter;
 mod mistakes;
 mod motions;
+pub mod one_shape;
 mod orientations;
 pub mod packing;
 pub mod pair;

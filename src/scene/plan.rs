@@ -4,6 +4,7 @@ use super::bed::Share;
 use super::doubts::doubts;
 use super::element;
 use super::packing;
+use super::pieces;
 use super::{Control, Fill, Goal, Mix, Scene, Servo, Stop};
 use crate::cell::{AXES, Face, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
@@ -160,6 +161,9 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     }
     if scene.audit.every > 0 {
         page.line("audit", scene.audit.words());
+        if !scene.library.pieces.is_empty() {
+            page.line("", "contacts of unions are left out of it");
+        }
     }
     let needs = scene.needs();
     let columns = [
@@ -252,14 +256,15 @@ fn shapes(scene: &Scene, page: &mut Page) {
 }
 
 /// How many, and how well they are known.
-fn pieces_of(body: &Union) -> String {
+pub(super) fn pieces_of(body: &Union) -> String {
     let (count, error) = (body.pieces().len(), body.error());
     let volume = body.volume();
     if body.far() > 0.0 {
         return format!(
-            "{count} pieces stand for a mesh of {volume:.4e} m3: their volume is {:+.2} % of it, and they are up to {:.3e} m from it",
+            "{count} pieces stand for a mesh of {volume:.4e} m3: their volume is {:+.2} % of it, and they are up to {:.3e} m from it ({})",
             100.0 * error,
-            body.far()
+            body.far(),
+            pieces::cut_by()
         );
     }
     let known = if error > 0.0 { format!("to {error:.1e}") } else { "exact".to_owned() };

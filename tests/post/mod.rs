@@ -3,6 +3,7 @@
 mod drawings;
 mod fabric;
 mod files;
+mod forms;
 mod measures;
 mod pieces;
 mod plots;

@@ -4,7 +4,7 @@ mod many;
 mod mutated;
 mod read;
 mod ready;
-mod scenes;
 mod scattered;
+mod scenes;
 mod schema;
 mod suggest;

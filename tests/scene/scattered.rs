@@ -18,8 +18,7 @@ fn particles(changes: &[&str]) -> (Scene, Vec<Particle>) {
 fn no_bounding_balls_touch_and_the_amount_is_as_asked() {
     let (scene, all) = particles(&[]);
     let radius = |p: &Particle| scene.library.radius[p.shape.index()] * p.scale;
-    let volume =
-        |p: &Particle| scene.library.shapes[p.shape.index()].volume() * p.scale.powi(3);
+    let volume = |p: &Particle| scene.library.shapes[p.shape.index()].volume() * p.scale.powi(3);
     for (k, one) in all.iter().enumerate() {
         for other in &all[..k] {
             let apart = scene.domain.nearest(other.position - one.position).norm();
