@@ -100,6 +100,10 @@ pub struct Bulk {
 /// Axes of the components of a stress, as they are written.
 pub const COMPONENTS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 
+/// What loses or makes energy at any step.
+const AT_ONCE: &str = "Contacts that begin or end at once, as of polyhedra and rods at rims of sheets, and of grains in folds of meshes with \
+                       `smooth = 0` and in pits where several folds meet,";
+
 /// What rounding may leave of a balance of energies, over the sum of its terms.
 const ROUNDING: f64 = 1e-12;
 
@@ -156,15 +160,24 @@ impl Measures {
         (part > MAY_MISS).then(|| dt * (MAY_MISS / part).sqrt())
     }
 
-    /// A warning about a balance that misses too much, with that step.
-    pub fn poor_balance(&self, most_moving: f64, dt: f64) -> Option<String> {
+    /// A warning about a balance that misses too much with steps of `dt` [s], with a step that helps, if one can: steps that are short beside
+    /// the stable `limit` [s] hardly lose so much.
+    pub fn poor_balance(&self, most_moving: f64, dt: f64, limit: Option<f64>) -> Option<String> {
         let enough = self.step_that_balances(most_moving, dt)?;
-        Some(format!(
-            "{}. If contacts of too few steps are the cause, it would be about {1} % with a step of {enough:.1e} s. Contacts that begin or end at once, as of \
-             polyhedra and rods at rims of sheets, miss as much with any step",
-            self.what_is_missing(most_moving),
-            100.0 * MAY_MISS,
-        ))
+        let what = self.what_is_missing(most_moving);
+        let of_limit = limit.map_or(f64::INFINITY, |limit| dt / limit);
+        Some(if self.part_missing(most_moving).abs() < 4.0 * of_limit * of_limit {
+            format!(
+                "{what}. If contacts of too few steps are the cause, it would be about {} % with a step of {enough:.1e} s. {AT_ONCE} miss as \
+                 much with any step",
+                100.0 * MAY_MISS
+            )
+        } else {
+            format!(
+                "{what}. Steps of {:.2} % of the stable limit hardly do so: a shorter step will not help. {AT_ONCE} do",
+                100.0 * of_limit
+            )
+        })
     }
 
     /// How much the balance misses, of what, in words. `most_moving` as above [J].
@@ -396,7 +409,7 @@ impl Totals {
     }
 
     fn add_contact(&mut self, contact: &Loaded, law: &dyn ForceLaw, particles: &Particles) {
-        let &Loaded { pair, geometry, state, normal_force, force, point: _ } = contact;
+        let &Loaded { pair, geometry, state, normal_force, force, .. } = contact;
         let Pair { a, b } = pair;
         self.add(Of::Stored, law.stored(pair, particles, geometry, state));
         self.add(Of::ContactForce, force.norm());

@@ -9,7 +9,6 @@ use dem_mpi::output::report::version;
 use dem_mpi::pairs::read::read;
 use dem_mpi::pairs::{Answer, Pairs, resolve, time, write};
 use dem_mpi::scene::Scene;
-use dem_mpi::scene::pair::Acting;
 use dem_mpi::text::{self, Unreadable, print_error};
 use std::fs;
 use std::io::{BufWriter, Read};
@@ -19,7 +18,8 @@ use std::process::ExitCode;
 /// Resolves pairs of bodies: overlap, normal and contact point of each, as CSV on standard output.
 ///
 /// PAIRS is CSV (ellipsoids: id,aA,bA,cA,aB,bB,cB,xA,yA,zA,qwA,qxA,qyA,qzA,xB,..,qzB) or JSON Lines (spheres:
-/// id,rA,rB,cA,cB; superellipsoids: id,A,B with abc,e1,e2,c,q; polyhedra: id,VA,FA,VB,FB). Lengths are in metres;
+/// id,rA,rB,cA,cB; superellipsoids: id,A,B with abc,e1,e2,c,q; polyhedra: id,VA,FA,VB,FB; unions: id,UA,UB, lists of pieces,
+/// each a ball with r,c, a superellipsoid with abc,e1,e2,c,q or a polyhedron with V). Lengths are in metres;
 /// quaternions w,x,y,z turn the body into the world and need not be normalised. Other columns are
 /// passed over.
 ///
@@ -31,6 +31,10 @@ use std::process::ExitCode;
 /// support point of each body; closed forms take none. Where two polyhedra overlap, `thickness` is that of what they share, by
 /// which a simulation finds the force unless a method is asked for by name; F, M and energy are the force of A on B, its moment
 /// about the centre of A and the energy of the contact for a stiffness of 1 N/m.
+///
+/// Two bodies of which one is a union have a row for each place where they touch, as in a simulation: overlap, normal and point of
+/// that contact, PA and PB half the overlap before and behind the point, and force, moment and energy, whatever the pieces. Bodies
+/// that are apart have one row, of their nearest pieces.
 ///
 /// Standard error has the time per pair, medians of the repeats: cold, one by one without a guess; warm, one by
 /// one from normals that are off by 1e-4; batched, many at once from the same normals, as in a
@@ -131,13 +135,22 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     let pairs = arguments.pairs.as_deref().context("no pairs given")?;
     let (file, text) = text(pairs)?;
     let pairs = read(&file, &text)?;
-    let answers = resolve(&pairs, &method);
+    let mut answers = resolve(&pairs, &method);
+    for (index, answer) in answers.iter_mut().enumerate() {
+        if pairs.has_union(index) && answer.touch.is_ok() {
+            let [a, b] = pairs.bodies_of(index);
+            let places = Scene::places_by(&method, [&a, &b]);
+            answer.places = places.with_context(|| format!("pair {}", pairs.name(index)))?;
+        }
+    }
     let by_law = match &arguments.law {
-        Some(scene) => Some(by_law(scene, &arguments.materials, arguments.touched, &pairs)?),
+        Some(scene) => Some(by_law(scene, arguments, &pairs, &mut answers)?),
         None => None,
     };
     write::answers(&pairs, &answers, by_law.as_deref(), to)?;
-    if arguments.repeats > 0 && !pairs.is_empty() {
+    // No method resolves unions: their pieces are resolved.
+    let any_convex = (0..pairs.len()).any(|pair| !pairs.has_union(pair));
+    if arguments.repeats > 0 && any_convex {
         let times = time(&pairs, &answers, &method, arguments.repeats);
         print_error(format_args!(
             "{} pairs, {}: {:.1} ns cold, {:.1} ns warm, {:.1} ns batched (per pair, median of {})",
@@ -156,25 +169,38 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
 /// Force, moment and stored energy of each pair by the law of a scene.
 fn by_law(
     scene: &Path,
-    materials: &[String],
-    touched: bool,
+    arguments: &Arguments,
     pairs: &Pairs,
+    answers: &mut [Answer],
 ) -> Result<Vec<[f64; 7]>> {
     let scene = Scene::read(scene, &[])?;
-    let materials = match materials {
+    let Arguments { materials, touched, .. } = arguments;
+    let materials = match &materials[..] {
         [] if scene.materials.len() == 1 => [MaterialId(0); 2],
         [one] => [scene.material(one)?; 2],
         [a, b] => [scene.material(a)?, scene.material(b)?],
         _ => bail!("--materials A,B: write the names of two materials of the scene"),
     };
-    let of_pair = |index: usize| {
+    let of_pair = |(index, answer): (usize, &mut Answer)| {
         let [a, b] = pairs.bodies_of(index);
-        let acting = scene.acting([&a, &b], materials, touched);
-        let Acting { force, moment, stored } =
-            acting.with_context(|| format!("--law, pair {}", pairs.name(index)))?;
-        Ok([force.x, force.y, force.z, moment.x, moment.y, moment.z, stored])
+        let name = || format!("--law, pair {}", pairs.name(index));
+        if !answer.places.is_empty() {
+            let places = scene.places([&a, &b], materials).with_context(name)?;
+            ensure!(
+                places.len() == answer.places.len(),
+                "{}: the scene's method finds {} places, this one {}: give the same --method",
+                name(),
+                places.len(),
+                answer.places.len()
+            );
+            for (place, (_, acting)) in answer.places.iter_mut().zip(places) {
+                place.by_law = Some(acting.numbers());
+            }
+        }
+        let acting = scene.acting([&a, &b], materials, *touched).with_context(name)?;
+        Ok(acting.numbers())
     };
-    (0..pairs.len()).map(of_pair).collect()
+    answers.iter_mut().enumerate().map(of_pair).collect()
 }
 
 /// Warns of pairs without an answer; true if all have one.

@@ -8,14 +8,16 @@ use dem_mpi::output::performance::Performance;
 use dem_mpi::output::report::{Origin, commit, version};
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
+use dem_mpi::scene::one_shape;
 use dem_mpi::scene::suggest::{self, Question, Suggestion, Unanswered};
 use dem_mpi::scene::{Fill, Scene, Stop, keys, plan, schema};
 use dem_mpi::sim::report::{machine_bytes, report};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
-use dem_mpi::text::{print_error, printable};
+use dem_mpi::text::{MOST_NAMED, listed, print_error, printable};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
+use std::fmt::Write as _;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -37,6 +39,7 @@ Examples:
   dem-mpi --keys material                            the keys of a table of the scene; without a name, of all
   dem-mpi --schema > scene.schema.json               for an editor; the first line of a scene is then
                                                      #:schema ./scene.schema.json
+  dem-mpi run/jacks/fill.toml --shape jack           volume, centre, inertia and pieces of a shape
   dem-mpi run/first/scene.toml --suggest --error 1%  which step and method keep an error
   dem-mpi run/packing/scene.toml --set contact.method=epa --set material.grain.friction=0.5
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing/last.vtkhdf
@@ -68,6 +71,14 @@ struct Arguments {
     schema: bool,
     #[command(flatten)]
     about: About,
+    /// Only print volume, centre, moments of inertia, balls and pieces of this shape of the scene. With --out it is also drawn, from
+    /// four sides into DIR/NAME.svg and as a surface into DIR/NAME.vtp, in its principal axes
+    #[arg(
+        long,
+        value_name = "NAME",
+        conflicts_with_all = ["overwrite", "steps", "start", "threads", "trace_particle", "check", "plan", "suggest", "verbose"]
+    )]
+    shape: Option<String>,
     /// Where output goes, instead of the scene's output.directory
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -322,8 +333,12 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
             return WRONG_INPUT;
         }
     };
+    if let Some(name) = &arguments.shape {
+        return shape(name, &scene, arguments.out.as_deref(), comm);
+    }
     if arguments.plan {
-        let printed = print(comm, format_args!("{}\n", plan::plan(&scene, comm.size())), 0);
+        let page = comm.is_root().then(|| plan::plan(&scene, comm.size()) + "\n");
+        let printed = print(comm, page.unwrap_or_default(), 0);
         // Whether the state fits the scene is seen when it is taken up.
         let fits = if scene.start.is_some() || arguments.start.is_some() {
             state(arguments, &scene, comm)
@@ -410,6 +425,30 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
     }
 }
 
+/// Prints what is known of a shape, and draws it into a folder, if there is one.
+fn shape(name: &str, scene: &Scene, folder: Option<&Path>, comm: &dyn Comm) -> u8 {
+    let id = match scene.shape(name) {
+        Ok(id) => id,
+        Err(error) => {
+            print_once(comm, error);
+            return WRONG_INPUT;
+        }
+    };
+    let mut text = one_shape::page(scene, id);
+    if let Some(folder) = folder.filter(|_| comm.is_root()) {
+        match one_shape::draw(scene, id, folder) {
+            Ok([svg, vtp]) => {
+                let _ = writeln!(text, "drawn in {} and {}", svg.display(), vtp.display());
+            }
+            Err(error) => {
+                print_error(error);
+                return FAILED;
+            }
+        }
+    }
+    print(comm, text, 0)
+}
+
 /// Prints what trials propose.
 fn suggested(arguments: &Arguments, comm: &dyn Comm) -> u8 {
     if comm.size() > 1 {
@@ -481,7 +520,7 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
     }
     if !taken.walls_elsewhere.is_empty() {
         let off = |(name, off): &(String, f64)| format!("{name} by {off:.4e} m");
-        let all = taken.walls_elsewhere.iter().map(off).collect::<Vec<_>>().join(", ");
+        let all = listed(taken.walls_elsewhere.iter().map(off), MOST_NAMED);
         print_once(
             comm,
             format!("walls stand where the stage before left them, off the scene's: {all}"),
@@ -500,7 +539,7 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
             format!(
                 "warning: walls of other surfaces than those of their names in the snapshot stand where the scene says, and no contact with \
                  them goes on: {}",
-                taken.other_walls.join(", ")
+                listed(&taken.other_walls, MOST_NAMED)
             ),
         );
     }

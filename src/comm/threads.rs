@@ -27,15 +27,24 @@ struct State {
     ended: bool,
 }
 
-#[derive(Default)]
 struct Hub {
     state: Mutex<State>,
-    changed: Condvar,
+    /// Each rank waits for its own: one for all would wake all of them for each parcel.
+    changed: Vec<Condvar>,
 }
 
 impl Hub {
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits until something has changed for a rank.
+    fn wait<'a>(&self, state: MutexGuard<'a, State>, rank: Rank) -> MutexGuard<'a, State> {
+        self.changed[rank.0 as usize].wait(state).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn wake_all(&self) {
+        self.changed.iter().for_each(Condvar::notify_one);
     }
 }
 
@@ -54,7 +63,8 @@ pub struct ThreadRank {
 /// # Panics
 /// If any rank panics or aborts.
 pub fn run<T: Send>(size: u32, body: impl Fn(&mut ThreadRank) -> T + Sync) -> Vec<T> {
-    let hub = Arc::new(Hub::default());
+    let changed = (0..size).map(|_| Condvar::new()).collect();
+    let hub = Arc::new(Hub { state: Mutex::default(), changed });
     std::thread::scope(|scope| {
         let threads: Vec<_> = (0..size)
             .map(|rank| {
@@ -76,7 +86,7 @@ pub fn run<T: Send>(size: u32, body: impl Fn(&mut ThreadRank) -> T + Sync) -> Ve
 impl ThreadRank {
     fn send(&self, to: Rank, bytes: Vec<u8>) {
         self.hub.lock().mailboxes.entry((self.rank, to)).or_default().push_back(bytes);
-        self.hub.changed.notify_all();
+        self.hub.changed[to.0 as usize].notify_one();
     }
 
     fn receive(&self, from: Rank) -> Vec<u8> {
@@ -87,7 +97,7 @@ impl ThreadRank {
                 return bytes;
             }
             assert!(!state.ended, "another rank ended while rank {} waited", self.rank.0);
-            state = self.hub.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state = self.hub.wait(state, self.rank);
         }
     }
 
@@ -119,7 +129,7 @@ impl Drop for ThreadRank {
     fn drop(&mut self) {
         if std::thread::panicking() {
             self.hub.lock().ended = true;
-            self.hub.changed.notify_all();
+            self.hub.wake_all();
         }
     }
 }
@@ -179,8 +189,11 @@ impl Comm for ThreadRank {
         sum.added += 1;
         sum.values.resize(values.len(), 0);
         sum.values.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+        let is_whole = sum.added == self.size;
         drop(state);
-        self.hub.changed.notify_all();
+        if is_whole {
+            self.hub.wake_all();
+        }
     }
 
     fn finish_sum(&mut self) -> Vec<i64> {
@@ -195,7 +208,7 @@ impl Comm for ThreadRank {
                 return state.sums.remove(&self.sums).unwrap_or_default().values;
             }
             assert!(!state.ended, "another rank ended while rank {} waited", self.rank.0);
-            state = self.hub.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state = self.hub.wait(state, self.rank);
         }
     }
 

@@ -143,6 +143,7 @@ impl Columns {
             normal_force: self.normal_force(place, law, particles),
             force,
             point: self.point(place, particles),
+            patch: self.patches.get(place),
         })
     }
 
@@ -248,6 +249,8 @@ pub struct Loaded<'a> {
     pub force: Vec3,
     /// Where it acts, seen from the centre of A [m].
     pub point: Vec3,
+    /// What else there is of it, if it has an extent.
+    pub patch: Option<&'a Patch>,
 }
 
 /// The touching contacts of a rank.

@@ -68,7 +68,7 @@ impl Domain {
         for parcel in self.hand_over(leaving, comm) {
             let arrived: Leaving = wire::decode(&parcel.bytes);
             for particle in &arrived.particles {
-                particles.push_owned(particle);
+                particles.adopt(particle);
             }
             records.append(&arrived.records);
         }

@@ -74,6 +74,22 @@ pub fn decode(bytes: Vec<u8>) -> Result<String, Unreadable> {
     Ok(tidy(text))
 }
 
+/// So many names that users have chosen stand in a message.
+pub const MOST_NAMED: usize = 20;
+
+/// Names with commas between them, up to so many; the others are counted.
+pub fn listed<T: AsRef<str>>(names: impl IntoIterator<Item = T>, most: usize) -> String {
+    let mut names = names.into_iter();
+    let mut list = String::new();
+    for (name, place) in names.by_ref().take(most).zip(0..) {
+        list.extend([if place > 0 { ", " } else { "" }, name.as_ref()]);
+    }
+    match names.count() {
+        0 => list,
+        more => format!("{list} and {more} more"),
+    }
+}
+
 /// As [`decode`]; what is no text becomes U+FFFD, for files whose names and comments do not matter.
 pub fn lossy(bytes: &[u8]) -> String {
     tidy(match utf16(bytes) {

@@ -5,6 +5,7 @@
 //! | [`start`] | from nothing to a first scene of one's own |
 //! | [`scenes`] | what a scene is made of: grains, walls, servos, shear, stages |
 //! | [`models`] | shapes, contact methods, laws, walls, servos: formulas, units, sources |
+//! | [`forms`] | particles of any form: a jack, a stone from a scan, a rough wall |
 //! | [`walls`] | planes and surfaces of triangles: what a grain touches, what a file must have |
 //! | [`laws`] | rolling, twisting, adhesion, and where energy goes |
 //! | [`choose`] | time step, contact method, stiffness: what the studies found |
@@ -26,6 +27,9 @@ pub mod scenes {}
 
 #[doc = include_str!("models.md")]
 pub mod models {}
+
+#[doc = include_str!("forms.md")]
+pub mod forms {}
 
 #[doc = include_str!("walls.md")]
 pub mod walls {}

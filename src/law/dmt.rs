@@ -108,7 +108,7 @@ impl<M: Model> About for Dmt<M> {
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
-        let Constants { surface_energy } = *self.interactions.of(a, b);
+        let Constants { surface_energy } = self.interactions.of(a, b);
         let forces = self.forces.words(a, b);
         if !self.attracts() {
             return forces;

@@ -2,6 +2,7 @@
 
 use crate::ids::MaterialId;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Constants of contacts of a law.
 pub trait Mixing: Copy {
@@ -15,40 +16,69 @@ impl<C: Mixing, D: Mixing> Mixing for (C, D) {
     }
 }
 
+/// Up to so many materials the constants of all pairs are held; of more they are mixed where they are asked for.
+const MOST_IN_TABLE: usize = 64;
+
 /// The constants of every pair of materials.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Interactions<C> {
-    materials: usize,
-    constants: Vec<C>,
+    /// Of each material with itself, as far as the scene says nothing more.
+    own: Vec<C>,
+    /// Those that are not mixed, the lower id first.
+    set: BTreeMap<[MaterialId; 2], C>,
+    /// Of all pairs; empty if there are too many.
+    table: Vec<C>,
 }
 
 impl<C: Mixing> Interactions<C> {
     /// Mixed from those of each material with itself.
     pub fn new(own: &[C]) -> Self {
-        let constants = own.iter().flat_map(|a| own.iter().map(|b| C::mixed(a, b))).collect();
-        Self { materials: own.len(), constants }
+        let mut new = Self { own: own.to_vec(), set: BTreeMap::new(), table: Vec::new() };
+        if own.len() <= MOST_IN_TABLE {
+            new.table = own.iter().flat_map(|a| own.iter().map(|b| C::mixed(a, b))).collect();
+        }
+        new
     }
 
-    /// A part of each.
+    /// A part of each. It must be mixed as the whole is.
     pub fn map<P>(&self, part: impl Fn(&C) -> P) -> Interactions<P> {
-        let constants = self.constants.iter().map(part).collect();
-        Interactions { materials: self.materials, constants }
+        Interactions {
+            own: self.own.iter().map(&part).collect(),
+            set: self.set.iter().map(|(pair, constants)| (*pair, part(constants))).collect(),
+            table: self.table.iter().map(&part).collect(),
+        }
     }
 
     /// Of these two materials, in either order.
     #[inline]
-    pub fn of(&self, a: MaterialId, b: MaterialId) -> &C {
-        &self.constants[a.index() * self.materials + b.index()]
+    pub fn of(&self, a: MaterialId, b: MaterialId) -> C {
+        match self.table.get(a.index() * self.own.len() + b.index()) {
+            Some(constants) => *constants,
+            None => self.found(a, b),
+        }
+    }
+
+    #[inline(never)]
+    fn found(&self, a: MaterialId, b: MaterialId) -> C {
+        let mixed = || C::mixed(&self.own[a.index()], &self.own[b.index()]);
+        self.set.get(&[a.min(b), a.max(b)]).copied().unwrap_or_else(mixed)
     }
 
     /// Replaces those of two materials.
     pub fn set(&mut self, a: MaterialId, b: MaterialId, constants: C) {
-        self.constants[a.index() * self.materials + b.index()] = constants;
-        self.constants[b.index() * self.materials + a.index()] = constants;
+        let materials = self.own.len();
+        self.set.insert([a.min(b), a.max(b)], constants);
+        for place in [(a, b), (b, a)].map(|(a, b)| a.index() * materials + b.index()) {
+            if let Some(held) = self.table.get_mut(place) {
+                *held = constants;
+            }
+        }
     }
 
-    /// All of them.
-    pub fn iter(&self) -> impl Iterator<Item = &C> {
-        self.constants.iter()
+    /// Of all pairs, each once.
+    pub fn iter(&self) -> impl Iterator<Item = C> {
+        let count = self.own.len();
+        let ids = move |from: usize| (from..count).map(|id| MaterialId(id as u16));
+        ids(0).flat_map(move |a| ids(a.index()).map(move |b| self.of(a, b)))
     }
 }

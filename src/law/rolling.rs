@@ -97,7 +97,7 @@ pub struct Rolling<M> {
 impl<M: Model> Rolling<M> {
     /// Beside these forces.
     pub fn new(forces: M, interactions: Interactions, library: &Library) -> Self {
-        let any = |holds: fn(&Constants) -> bool| interactions.iter().any(holds);
+        let any = |holds: fn(Constants) -> bool| interactions.iter().any(holds);
         let rolls = any(|c| c.rolling_friction > 0.0);
         let twists = any(|c| c.twisting_friction > 0.0);
         let remembers = twists || any(|c| c.rolling_friction > 0.0 && c.damping_ratio > 0.0);
@@ -316,7 +316,7 @@ impl<M: Model> About for Rolling<M> {
         let mut hardest = self.forces.hardest(body, other, reduced_mass);
         let (normal, inertia_ratio) = (hardest.stiffness, self.inertia_ratio[body.shape.index()]);
         let Constants { rolling_friction, twisting_friction, damping_ratio } =
-            *self.interactions.of(body.material, other);
+            self.interactions.of(body.material, other);
         let friction = rolling_friction.max(twisting_friction);
         let stiffness = STIFFNESS * friction * friction * normal;
         let critical = 2.0 * (ABOUT_CONTACT * reduced_mass * stiffness).sqrt();
@@ -326,7 +326,7 @@ impl<M: Model> About for Rolling<M> {
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
         let Constants { rolling_friction, twisting_friction, damping_ratio } =
-            *self.interactions.of(a, b);
+            self.interactions.of(a, b);
         if !self.turns() {
             return self.forces.words(a, b);
         }
@@ -364,7 +364,7 @@ impl<M: Model> Model for Rolling<M> {
 
     fn constants(&self, a: &Body, b: &Body) -> Self::Constants<f64> {
         let Constants { rolling_friction, twisting_friction, damping_ratio } =
-            *self.interactions.of(a.material, b.material);
+            self.interactions.of(a.material, b.material);
         Resisting {
             forces: self.forces.constants(a, b),
             rolling: Spring::new(rolling_friction, damping_ratio, [a, b], ABOUT_CONTACT),

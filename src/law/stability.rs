@@ -157,57 +157,63 @@ fn reduced(mass: f64, other: f64) -> f64 {
     }
 }
 
-/// The hardest contacts of particles of each material with each partner.
-struct Pairs<'a> {
+/// What bodies of one material touch.
+struct Contacts<'a> {
     law: &'a dyn ForceLaw,
-    kin: BTreeMap<Partner, Kin>,
-    hardest: BTreeMap<(MaterialId, Partner), Hardest>,
+    kin: &'a BTreeMap<Partner, Kin>,
+    material: MaterialId,
+    /// The hardest contacts of particles of other materials with it, in the order of materials.
+    back: Vec<(MaterialId, Hardest)>,
 }
 
-impl<'a> Pairs<'a> {
-    fn new(library: &Library, law: &'a dyn ForceLaw) -> Self {
-        let mut pairs = Self { law, kin: kin(library), hardest: BTreeMap::new() };
-        for body in moving(library) {
-            for &partner in pairs.kin.keys() {
-                let own = pairs.on_plane(&body, partner);
-                let known = pairs.hardest.entry((body.material, partner)).or_insert(own);
-                *known = known.by(&own, f64::max);
-            }
-        }
-        pairs
+impl<'a> Contacts<'a> {
+    /// Of the bodies of a material, among all that move, in the order of materials.
+    fn of(
+        material: MaterialId,
+        all: &[(usize, Body)],
+        law: &'a dyn ForceLaw,
+        kin: &'a BTreeMap<Partner, Kin>,
+    ) -> Self {
+        let mut contacts = Self { law, kin, material, back: Vec::new() };
+        let own = Partner::Particles(material);
+        contacts.back = all
+            .chunk_by(of_one_material)
+            .map(|others| {
+                let each = others.iter().map(|(_, body)| contacts.on_plane(body, own, &kin[&own]));
+                let hardest = each.reduce(|a, b| a.by(&b, f64::max));
+                (others[0].1.material, hardest.expect("no part is empty"))
+            })
+            .collect();
+        contacts
     }
 
     /// On a plane of a material, with the heaviest of its bodies.
-    fn on_plane(&self, body: &Body, partner: Partner) -> Hardest {
-        let [_, heaviest] = self.kin[&partner].masses;
+    fn on_plane(&self, body: &Body, partner: Partner, kin: &Kin) -> Hardest {
+        let [_, heaviest] = kin.masses;
         self.law.about().hardest(body, partner.material(), reduced(body.mass, heaviest))
     }
 
     /// Of a body with those of a partner.
-    fn of(&self, body: &Body, partner: Partner) -> Hardest {
-        let own = self.on_plane(body, partner);
-        let back = match partner {
-            Partner::Walls(_) => None,
-            Partner::Particles(material) => {
-                self.hardest.get(&(material, Partner::Particles(body.material)))
-            }
-        };
-        back.map_or(own, |back| own.softer(back))
+    fn hardest(&self, body: &Body, partner: Partner, kin: &Kin) -> Hardest {
+        let own = self.on_plane(body, partner, kin);
+        let Partner::Particles(material) = partner else { return own };
+        let back = self.back.binary_search_by_key(&material, |(material, _)| *material);
+        back.map_or(own, |at| own.softer(&self.back[at].1))
     }
 
-    /// How many of a partner there can be around a body.
-    fn most(&self, body: &Body, partner: Partner) -> f64 {
-        let itself = if partner == Partner::Particles(body.material) { 1.0 } else { 0.0 };
-        self.kin[&partner].most - itself
-    }
-
-    /// How many of a partner fit around a body of this size [m].
-    fn fit(&self, size: f64, partner: Partner) -> f64 {
-        match partner {
+    /// How many of a partner there can be around a body, and fit around one of its size [m].
+    fn count(&self, own_size: f64, partner: Partner, kin: &Kin) -> [f64; 2] {
+        let itself = if partner == Partner::Particles(self.material) { 1.0 } else { 0.0 };
+        let fit = match partner {
             Partner::Walls(_) => OF_WALLS,
-            Partner::Particles(_) => fit(size, self.kin[&partner].smallest),
-        }
+            Partner::Particles(_) => fit(own_size, kin.smallest),
+        };
+        [kin.most - itself, fit]
     }
+}
+
+fn of_one_material((_, a): &(usize, Body), (_, b): &(usize, Body)) -> bool {
+    a.material == b.material
 }
 
 /// Bodies that are not held. A held one has no period.
@@ -268,27 +274,52 @@ fn stable_step(library: &Library, body: &Body, around: &[Around]) -> (f64, Optio
     (4.0 / (rate + (rate * rate + 4.0 * frequency_squared).sqrt()), partner)
 }
 
+/// Something of each body that moves and what it touches, with its place among all. What others do to a material is held for one material at a
+/// time.
+fn of_each<T>(
+    library: &Library,
+    law: &dyn ForceLaw,
+    mut find: impl FnMut(&Body, &Contacts) -> T,
+) -> Vec<(usize, T)> {
+    let kin = kin(library);
+    let mut all: Vec<(usize, Body)> = moving(library).enumerate().collect();
+    all.sort_by_key(|(_, body)| body.material);
+    let mut found = Vec::new();
+    for own in all.chunk_by(of_one_material) {
+        let contacts = Contacts::of(own[0].1.material, &all, law, &kin);
+        found.extend(own.iter().map(|(place, body)| (*place, find(body, &contacts))));
+    }
+    found
+}
+
 /// The limit over all shapes of particles; `None` if nothing can push them.
 pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStepLimit> {
-    let pairs = Pairs::new(library, law);
-    moving(library)
-        .filter_map(|body| {
-            let own_size = size(library, &body);
-            let contacts = |&with: &Partner| Around {
-                most: pairs.most(&body, with),
-                fit: pairs.fit(own_size, with),
-                each: pairs.of(&body, with),
-                with,
-            };
-            let around: Vec<Around> = pairs.kin.keys().map(contacts).collect();
-            let (dt, partner) = stable_step(library, &body, &around);
-            let partner = partner?;
-            let Hardest { stiffness, turning: [spring, _], .. } = pairs.of(&body, partner);
-            let (mass, stiffness, overlap) =
-                (body.mass, stiffness + spring, law.about().hardest_up_to());
-            Some(TimeStepLimit { dt, shape: body.shape, mass, stiffness, partner, overlap })
-        })
-        .min_by(|a, b| a.dt.total_cmp(&b.dt))
+    let all = of_each(library, law, |body, contacts| limit_of(library, body, contacts));
+    let limits = all.into_iter().filter_map(|(place, limit)| Some((place, limit?)));
+    let shortest = limits.min_by(|a, b| a.1.dt.total_cmp(&b.1.dt).then(a.0.cmp(&b.0)));
+    shortest.map(|(_, limit)| limit)
+}
+
+/// The limit of one body; `None` if nothing can push it.
+fn limit_of(library: &Library, body: &Body, contacts: &Contacts) -> Option<TimeStepLimit> {
+    let own_size = size(library, body);
+    let around = |(&with, kin): (&Partner, &Kin)| {
+        let [most, fit] = contacts.count(own_size, with, kin);
+        Around { most, fit, each: contacts.hardest(body, with, kin), with }
+    };
+    let around: Vec<Around> = contacts.kin.iter().map(around).collect();
+    let (dt, partner) = stable_step(library, body, &around);
+    let partner = partner?;
+    let Hardest { stiffness, turning: [spring, _], .. } =
+        contacts.hardest(body, partner, &contacts.kin[&partner]);
+    Some(TimeStepLimit {
+        dt,
+        shape: body.shape,
+        mass: body.mass,
+        stiffness: stiffness + spring,
+        partner,
+        overlap: contacts.law.about().hardest_up_to(),
+    })
 }
 
 /// The limit with the contacts of this rank's particles as they are [s], and the largest overlap over the radius of the smaller body
@@ -344,16 +375,17 @@ pub fn own_step(limit: f64) -> f64 {
 /// The highest frequency at which two bodies oscillate on the spring of one contact, without dashpots [rad/s]: `√(k / m)` with
 /// the largest stiffness that they can have and the reduced mass of a body and the lightest of its partners. `None` if nothing pushes.
 pub fn highest_frequency(library: &Library, law: &dyn ForceLaw) -> Option<f64> {
-    let pairs = Pairs::new(library, law);
-    let squared = moving(library).flat_map(|body| {
-        let pairs = &pairs;
-        let meets = move |partner: &&Partner| pairs.most(&body, **partner) > 0.0;
-        pairs.kin.keys().filter(meets).map(move |&partner| {
-            let [lightest, _] = pairs.kin[&partner].masses;
-            pairs.of(&body, partner).stiffness / reduced(body.mass, lightest)
-        })
-    });
-    let highest = squared.fold(0.0, f64::max);
+    let of_body = |body: &Body, contacts: &Contacts| {
+        let squared = contacts.kin.iter().filter_map(|(&partner, kin)| {
+            let [most, _] = contacts.count(0.0, partner, kin);
+            let [lightest, _] = kin.masses;
+            let stiffness = contacts.hardest(body, partner, kin).stiffness;
+            (most > 0.0).then(|| stiffness / reduced(body.mass, lightest))
+        });
+        squared.fold(0.0, f64::max)
+    };
+    let all = of_each(library, law, of_body);
+    let highest = all.into_iter().map(|(_, squared)| squared).fold(0.0, f64::max);
     (highest > 0.0).then(|| highest.sqrt())
 }
 

@@ -4,6 +4,7 @@ use super::PostError;
 use super::draw::PlotError;
 use crate::math::Vec3;
 use crate::output::SnapshotError;
+use crate::text::{MOST_NAMED, listed};
 use std::io;
 use std::path::PathBuf;
 
@@ -82,7 +83,7 @@ pub enum MeasureError {
     #[error("no grain is in the region: make it larger, or name another snapshot")]
     NobodyThere,
     /// A shape that is not there.
-    #[error("the snapshot has no shape `{name}`; it has: {}", known.join(", "))]
+    #[error("the snapshot has no shape `{name}`; it has: {}", listed(known, MOST_NAMED))]
     NoSuchShape {
         /// What was asked for.
         name: String,
@@ -120,7 +121,7 @@ pub enum MeasureError {
     /// An outlet that is not there.
     #[error(
         "history.csv has no outlet `{name}`; {}",
-        if known.is_empty() { "it has none, so give a plane, -z=0.05".to_owned() } else { format!("it has: {}", known.join(", ")) }
+        if known.is_empty() { "it has none, so give a plane, -z=0.05".to_owned() } else { format!("it has: {}", listed(known, MOST_NAMED)) }
     )]
     NoSuchOutlet {
         /// What was asked for.

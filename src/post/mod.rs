@@ -32,6 +32,7 @@
 //! | [`draw`] | charts: series, axes, panels |
 //! | [`views`] | where things are: force chains, velocities, averages by height |
 //! | [`plots`] [`panels`] [`rose`] [`picture`] | curves, distributions, roses, the packing from the side |
+//! | [`form`] | a shape by itself |
 //! | [`sizes`] | sizes of the particles beside those that were asked for |
 //! | [`page`] | all of it on a page |
 
@@ -60,7 +61,7 @@ pub mod surface;
 pub mod vtp;
 
 pub use report::{Report, Summary};
-pub use shown::{draw, page, panels, picture, plots, rose, sizes, views};
+pub use shown::{draw, form, page, panels, picture, plots, rose, sizes, views};
 
 use crate::drive::DriveError;
 use crate::ids::GlobalId;

@@ -13,6 +13,7 @@ use crate::output::header::{Header, WallRow};
 use crate::output::snapshot::Reader;
 use crate::output::tables::ParticleTable;
 use crate::shape::Shape;
+use crate::text::{MOST_NAMED, listed};
 use nalgebra::Quaternion;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -276,7 +277,7 @@ pub(super) fn doubts(header: &Header, region: &Region, packing: Option<&Bounds>)
         doubts.push(format!(
             "{walls} {} {are} nothing: what is behind counts as room of the grains, in volumes and in the \
              areas of other walls; a --region in front gives densities and stresses that hold",
-            names.join(", ")
+            listed(names, MOST_NAMED)
         ));
     }
     doubts

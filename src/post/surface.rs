@@ -31,6 +31,8 @@ pub struct Detail(u8);
 impl Detail {
     /// More would be finer than any picture, and a grain would take a megabyte.
     pub const FINEST: u8 = 5;
+    /// 1,280 triangles of a ball.
+    pub const FINE: Self = Self(3);
 }
 
 impl Default for Detail {
@@ -53,7 +55,11 @@ impl Surface {
     /// Of a shape.
     pub fn of(shape: &Shape, detail: Detail) -> Self {
         if let Shape::Union(body) = shape {
-            return Self::of_pieces(body.pieces(), detail);
+            let mut surface = Self::default();
+            for piece in body.pieces() {
+                surface.append(&Self::of_piece(piece, detail));
+            }
+            return surface;
         }
         if shape.kind() == Kind::Polyhedron
             && let Some(facets) = shape.facets()
@@ -73,18 +79,20 @@ impl Surface {
         surface
     }
 
-    fn of_pieces(pieces: &[Piece], detail: Detail) -> Self {
-        let mut surface = Self::default();
-        for Piece { shape, centre, rotation } in pieces {
-            let of_piece = Self::of(shape, detail);
-            let first = surface.points.len() as u32;
-            let before = surface.members.len() as u32;
-            surface.points.extend(of_piece.points.iter().map(|point| centre + rotation * point));
-            surface.normals.extend(of_piece.normals.iter().map(|normal| rotation * normal));
-            surface.members.extend(of_piece.members.iter().map(|member| first + member));
-            surface.ends.extend(of_piece.ends.iter().map(|end| before + end));
-        }
+    /// Of a piece, in the axes of its body and about its centre.
+    pub fn of_piece(Piece { shape, centre, rotation }: &Piece, detail: Detail) -> Self {
+        let mut surface = Self::of(shape, detail);
+        surface.points.iter_mut().for_each(|point| *point = centre + rotation * *point);
+        surface.normals.iter_mut().for_each(|normal| *normal = rotation * *normal);
         surface
+    }
+
+    fn append(&mut self, other: &Self) {
+        let (first, before) = (self.points.len() as u32, self.members.len() as u32);
+        self.points.extend(&other.points);
+        self.normals.extend(&other.normals);
+        self.members.extend(other.members.iter().map(|member| first + member));
+        self.ends.extend(other.ends.iter().map(|end| before + end));
     }
 
     fn of_faces(facets: &crate::shape::facets::Facets) -> Self {

@@ -10,6 +10,7 @@ use crate::output::SnapshotError;
 use crate::output::header::{Header, ShapeRow};
 use crate::output::snapshot::Reader;
 use crate::population::Library;
+use crate::shape::{Shape, Union};
 use std::path::Path;
 
 /// The library's shape that is this one of a snapshot.
@@ -46,6 +47,16 @@ pub(super) fn admit_saved(library: &mut Library, header: &Header) {
         if let Some(shape) = admit_of(library, row, row.scales) {
             library.admit_number(shape, row.most);
         }
+    }
+}
+
+/// The union of this name in a snapshot, or in the newest good one of a directory.
+pub(super) fn union(path: &Path, name: &str) -> Option<Union> {
+    let reader = opened(path).ok()?;
+    let row = reader.header().shapes.iter().find(|row| row.name == name)?;
+    match &row.geometry {
+        Some(Shape::Union(body)) => Some((**body).clone()),
+        _ => None,
     }
 }
 

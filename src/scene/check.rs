@@ -31,6 +31,7 @@ use crate::population::Library;
 use crate::sim::audit::Settings as Audit;
 use crate::sim::steps_of;
 use crate::sim::stop::When;
+use crate::text::{MOST_NAMED, listed};
 use std::path::{Path, PathBuf};
 
 /// Skin, in largest bounding radii, if the file does not say.
@@ -56,9 +57,10 @@ pub(super) fn scene(
     form::check(&root);
     let root = root.section()?;
     let general = General::read(&root, file, need);
-    let mut bodies = Bodies::read(&root, &folder, general.gravity);
+    let snapshot = snapshot_before(general.start.as_ref(), need);
+    let mut bodies = Bodies::read(&root, &folder, general.gravity, snapshot);
     let mut grains = Grains::read(&root, &folder, &mut bodies, &general);
-    let before = sizes_before(&mut bodies.shapes.library, general.start.as_ref(), need);
+    let before = sizes_before(&mut bodies.shapes.library, snapshot, need);
     let groups = read_groups(&root, &folder, &mut bodies, &mut grains, general.gravity);
     let course = Course::read(&root, &mut bodies, general.seed, &grains);
     if let (Some(groups), Some(time), true) = (&groups, &course.time, bodies.shapes.complete) {
@@ -71,11 +73,11 @@ pub(super) fn scene(
     }
 
     let Bodies { materials, shapes, walls, free_walls, domain, cell, law, .. } = bodies;
-    let left_out = laws::left_out(&root, &materials);
     let mut library = shapes.library;
     let law = law?;
     let jumps = before.and_then(|before| jumps::jumps(&before, &materials, &law, &library));
     let walls = walls.into_library(&mut library)?;
+    let left_out = laws::left_out(&root, &materials, &library);
     let Neighbours { skin, imbalance, order_every } = course.neighbours?;
     let (initial, rain) = grains.fills?;
     let Time { dt, own_step, steps, duration, allow_unstable } = course.time?;
@@ -162,10 +164,15 @@ struct Bodies<'a> {
 }
 
 impl<'a> Bodies<'a> {
-    fn read(root: &Section<'a>, folder: &Path, gravity: Option<Vec3>) -> Self {
+    fn read(
+        root: &Section<'a>,
+        folder: &Path,
+        gravity: Option<Vec3>,
+        before: Option<&Path>,
+    ) -> Self {
         let kind = laws::kind(root);
         let (materials, law) = laws::materials(root, kind);
-        let shapes = Shapes::read(root, &materials, folder);
+        let shapes = Shapes::read(root, &materials, folder, before);
         let domain_section = root.section("domain");
         let domain = element::domain(root, domain_section.as_ref().and_then(domain).as_ref());
         let cell = element::control(root);
@@ -244,16 +251,20 @@ fn read_groups(
     all
 }
 
-/// Makes room in the library for the particles of a stage before. Returns its scene.
-fn sizes_before(
-    library: &mut Library,
-    start: Option<&Option<PathBuf>>,
-    need: Need,
-) -> Option<String> {
-    let before = match (need, start) {
+/// The snapshot with which the run begins, or goes on.
+fn snapshot_before<'a>(start: Option<&'a Option<PathBuf>>, need: Need<'a>) -> Option<&'a Path> {
+    match need {
+        Need::Snapshot(own) => Some(own),
+        Need::AllFiles => start?.as_deref(),
+    }
+}
+
+/// Makes room in the library for the particles of that snapshot. Returns its scene.
+fn sizes_before(library: &mut Library, snapshot: Option<&Path>, need: Need) -> Option<String> {
+    let before = match (need, snapshot) {
         (Need::Snapshot(own), _) => before::admit_to_go_on(library, own),
-        (Need::AllFiles, Some(Some(path))) => before::admit(library, path),
-        (Need::AllFiles, _) => None,
+        (Need::AllFiles, Some(path)) => before::admit(library, path),
+        (Need::AllFiles, None) => None,
     };
     if library.most.iter().sum::<f64>() <= 1.0 {
         // One alone stands for many, as where others are put beside it by a program.
@@ -542,7 +553,7 @@ fn check_smooth(root: &Section, library: &Library) {
     {
         method.fail(format!(
             "not for {}, which have edges or flat sides; take \"auto\", \"gjk-erosion\" or \"epa\"",
-            edged.join(", ")
+            listed(edged, MOST_NAMED)
         ));
     }
 }

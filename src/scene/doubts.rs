@@ -1,7 +1,7 @@
 //! What the program knows to be doubtful about a scene before it runs.
 
 use super::walls::stress_of_force;
-use super::{Fill, Goal, Inlet, LeftOut, Method, Mix, Outlet, Rain, Scene, Servo};
+use super::{Fill, Goal, Inlet, Method, Mix, Outlet, Rain, Scene, Servo};
 use crate::cell::AXES;
 use crate::drive::inlet::MOST_AT_ONCE;
 use crate::drive::rain::Within;
@@ -16,7 +16,7 @@ use crate::shape::triangle_mesh::{MeshFacet, Strip};
 use crate::shape::{Kind, Shape};
 use crate::sim::start::DEEPEST_START;
 use crate::walls::{Wall, room};
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 
 /// Warnings about a scene, a sentence each.
 pub fn doubts(scene: &Scene) -> Vec<String> {
@@ -53,46 +53,8 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
         falls_out(scene),
     ];
     let read = scene.doubtful.iter().cloned();
-    all.into_iter().flatten().chain(left_out(scene)).chain(read).collect()
+    all.into_iter().flatten().chain(scene.left_out.iter().cloned()).chain(read).collect()
 }
-
-/// What acts in contacts of one material and not, or by half, in those with another that does not say it; of each pair that can touch.
-fn left_out(scene: &Scene) -> Vec<String> {
-    let library = &scene.library;
-    let of_grains = &library.materials[..library.particle_shapes];
-    let all = &library.materials;
-    let touch =
-        |a, b| of_grains.contains(a) && all.contains(b) || of_grains.contains(b) && all.contains(a);
-    let mut pairs: BTreeMap<[MaterialId; 2], Vec<String>> = BTreeMap::new();
-    let name = |id: MaterialId| &scene.materials[id.index()].name;
-    for LeftOut { given_by, silent, key } in &scene.left_out {
-        if touch(given_by, silent) {
-            let what = match &**key {
-                "restitution" => "dashpots of `restitution` are half as strong as of the other",
-                "tangential_damping_ratio" => "`tangential_damping_ratio` is half of the other's",
-                key => &format!("`{key}` is 0"),
-            };
-            let pair = [*given_by.min(silent), *given_by.max(silent)];
-            let lacks = format!("{what}, as \"{}\" gives none", name(*silent));
-            pairs.entry(pair).or_default().push(lacks);
-        }
-    }
-    let more = pairs.len().saturating_sub(PAIRS_SHOWN);
-    let told = pairs.into_iter().take(PAIRS_SHOWN).map(|([a, b], lacks)| {
-        format!(
-            "between materials \"{}\" and \"{}\" {}: give it there, as 0 (`restitution` as 1) if that is meant, or in an \
-             [[interaction]] of both",
-            name(a),
-            name(b),
-            lacks.join("; ")
-        )
-    });
-    let more = (more > 0).then(|| format!("so it is between {more} more pairs of materials"));
-    told.chain(more).collect()
-}
-
-/// So many pairs of materials are named in warnings, the others counted.
-const PAIRS_SHOWN: usize = 20;
 
 /// Bodies that are to come to rest, and walls that never do.
 fn rest_beside_drives(scene: &Scene) -> Option<String> {
@@ -457,9 +419,10 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
     };
     let (how, deepest) = match elastic {
         Some(settings) => {
-            let grains = &scene.library.materials[..scene.library.particle_shapes];
+            let grains: BTreeSet<MaterialId> =
+                scene.library.materials[..scene.library.particle_shapes].iter().copied().collect();
             let pairs = grains.iter().flat_map(|&a| grains.iter().map(move |&b| (a, b)));
-            let under = |(a, b)| overlap_under(stress, settings.interactions.of(a, b));
+            let under = |(a, b)| overlap_under(stress, &settings.interactions.of(a, b));
             ("up to", 0.5 * pairs.map(under).fold(0.0, f64::max))
         }
         None => ("some", scene.library.extremes().map(mean).fold(0.0, f64::max)),

@@ -6,7 +6,7 @@ use super::matter::Materials;
 use super::mistakes::{Location, Mistakes};
 use super::reader::Given;
 use crate::ids::{MaterialId, ShapeId};
-use crate::law::{Beside, Body, Choice};
+use crate::law::{Beside, Body, Choice, ForceLaw, hertz};
 use crate::population::Library;
 use std::collections::BTreeSet;
 
@@ -40,22 +40,24 @@ impl Forces {
                 let dashpots = [c.normal_damping_ratio, dashpot];
                 Self { normal: c.normal_stiffness, tangential, dashpots, sticks: 0.0 }
             }
-            Choice::Hertz(law) => {
-                let c = law.interactions.of(a, b);
-                let frictional = |x: f64| if c.friction > 0.0 { x } else { 0.0 };
-                let dashpots = [c.damping_ratio, frictional(c.damping_ratio)];
-                let tangential = frictional(c.shear_modulus);
-                Self { normal: c.modulus, tangential, dashpots, sticks: 0.0 }
-            }
+            Choice::Hertz(law) => Self::of_hertz(law, a, b),
             Choice::Jkr(law) => {
-                let elastic = Self::of(&Choice::Hertz(law.elastic.clone()), a, b);
-                Self { sticks: law.adhesion.of(a, b).surface_energy, ..elastic }
+                let sticks = law.adhesion.of(a, b).surface_energy;
+                Self { sticks, ..Self::of_hertz(&law.elastic, a, b) }
             }
             Choice::With(law, Beside { adhesion, .. }) => {
                 let sticks = adhesion.as_ref().map_or(0.0, |all| all.of(a, b).surface_energy);
                 Self { sticks, ..Self::of(law, a, b) }
             }
         }
+    }
+
+    fn of_hertz(law: &hertz::Settings, a: MaterialId, b: MaterialId) -> Self {
+        let c = law.interactions.of(a, b);
+        let frictional = |x: f64| if c.friction > 0.0 { x } else { 0.0 };
+        let dashpots = [c.damping_ratio, frictional(c.damping_ratio)];
+        let tangential = frictional(c.shear_modulus);
+        Self { normal: c.modulus, tangential, dashpots, sticks: 0.0 }
     }
 
     /// What differs from those of before, where contacts press so many times as hard.
@@ -97,12 +99,15 @@ fn as_often(ratio: f64) -> String {
 
 /// How many times as hard contacts with the first press as with the second, of laws whose forces go otherwise with the overlap: about, at
 /// the overlap for which the step of the one that stiffens is found.
-fn pressed_by_laws(laws: [&Choice; 2], library: &Library, (a, b): (MaterialId, MaterialId)) -> f64 {
+fn pressed_by_laws(
+    laws: &[Box<dyn ForceLaw>; 2],
+    library: &Library,
+    (a, b): (MaterialId, MaterialId),
+) -> f64 {
     let of_material = |(shape, _): &(ShapeId, f64)| library.materials[shape.index()] == a;
     let Some((shape, scale)) = library.extremes().find(of_material) else { return f64::NAN };
     let body = Body::of(library, shape, scale);
-    let [now, before] = laws.map(|law| {
-        let law = law.law(library);
+    let [now, before] = laws.each_ref().map(|law| {
         // Of Hertz the force is two thirds of the stiffness times the overlap.
         let share = if law.about().hardest_up_to().is_some() { 2.0 / 3.0 } else { 1.0 };
         share * law.about().hardest(&body, b, 0.5 * body.mass).stiffness
@@ -130,6 +135,7 @@ pub(super) fn jumps(
         .zip(materials.names())
         .filter_map(|(k, name)| Some((name, MaterialId(k), MaterialId(find(name)? as u16))))
         .collect();
+    let laws = (!are_alike).then(|| [law, &law_before].map(|law| law.law(library)));
     let grains: BTreeSet<&MaterialId> =
         library.materials[..library.particle_shapes].iter().collect();
     let (mut changed, mut more) = (Vec::new(), 0);
@@ -139,15 +145,15 @@ pub(super) fn jumps(
                 continue;
             }
             let (now, then) = (Forces::of(law, a, b), Forces::of(&law_before, a_before, b_before));
-            let changes = if are_alike {
-                now.changes(&then, now.normal / then.normal)
-            } else {
+            let changes = if let Some(laws) = &laws {
                 let pair = if grains.contains(&a) { (a, b) } else { (b, a) };
-                let pressed = pressed_by_laws([law, &law_before], library, pair);
+                let pressed = pressed_by_laws(laws, library, pair);
                 vec![format!(
                     "another law, contacts press some {} as hard as before",
                     as_often(pressed)
                 )]
+            } else {
+                now.changes(&then, now.normal / then.normal)
             };
             if changes.is_empty() {
                 continue;

@@ -13,8 +13,8 @@ use crate::law::{Beside, Choice, Dashpots, Interactions, Mixing};
 use crate::law::{dmt, rolling};
 use crate::population::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
-use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Bound;
 
 /// A law and its settings, without the constants of materials.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +56,9 @@ impl LargestOverlap {
             Self::Given(overlap) => overlap,
             Self::Under { servos, times } => interactions
                 .iter()
-                .map(|constants| hertz::overlap_under(times * servos.max(of_free_walls), constants))
+                .map(|constants| {
+                    hertz::overlap_under(times * servos.max(of_free_walls), &constants)
+                })
                 .fold(LEAST_LARGEST_OVERLAP, f64::max)
                 .min(MOST_LARGEST_OVERLAP),
         }
@@ -413,7 +415,7 @@ fn of_turning(
     })
 }
 
-/// More materials than this have constants of pairs that fill the memory.
+/// More materials than this have pairs that take seconds to look through.
 const MOST_MATERIALS: usize = 1000;
 
 /// The materials, and their constants as `read` finds them in a section: those of one material, or of two, with what is left
@@ -426,7 +428,7 @@ fn with_constants<C: Mixing + Default>(
     let count = own.len();
     if count > MOST_MATERIALS {
         root.fail(format!(
-            "has {count} materials; must be at most {MOST_MATERIALS}, as each pair of them has constants"
+            "has {count} materials; must be at most {MOST_MATERIALS}, as each pair of them is looked at"
         ));
     }
     let own: Option<Vec<C>> = own.into_iter().collect();
@@ -437,7 +439,7 @@ fn with_constants<C: Mixing + Default>(
     for section in root.sections("interaction") {
         let pair = between(&section, &materials, &mut seen);
         let mixed = match (&interactions, pair) {
-            (Some(interactions), Some((a, b))) => *interactions.of(a, b),
+            (Some(interactions), Some((a, b))) => interactions.of(a, b),
             // A mistake has been found; this one is only read for more of them.
             _ => C::default(),
         };
@@ -452,17 +454,6 @@ fn with_constants<C: Mixing + Default>(
     (materials, interactions.filter(|_| complete))
 }
 
-/// A key that acts in contacts of one of two materials, and of which neither the other nor an `[[interaction]]` of both says anything.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct LeftOut {
-    /// That which has it.
-    pub given_by: MaterialId,
-    /// That which has not.
-    pub silent: MaterialId,
-    /// Its name.
-    pub key: String,
-}
-
 /// Keys of materials that may be left out, with the value that means nothing.
 const MAY_BE_LEFT_OUT: [(&str, f64); 6] = [
     ("friction", 0.0),
@@ -473,8 +464,16 @@ const MAY_BE_LEFT_OUT: [(&str, f64); 6] = [
     ("surface_energy", 0.0),
 ];
 
-/// What one of two materials leaves out, in a scene without mistakes.
-pub(super) fn left_out<'a>(root: &Section<'a>, materials: &Materials) -> Vec<LeftOut> {
+/// So many pairs of materials are named in warnings, the others counted.
+const PAIRS_SHOWN: usize = 20;
+
+/// Warnings about what acts in contacts of one material and not, or by half, in those with another that does not say it: of each pair that can
+/// touch, in a scene without mistakes.
+pub(super) fn left_out<'a>(
+    root: &Section<'a>,
+    materials: &Materials,
+    library: &Library,
+) -> Vec<String> {
     let of_both = |section: Section<'a>| {
         let [a, b] = section.get("between")?.list_of(|name| materials.find(name))?;
         Some(((a.min(b), a.max(b)), section))
@@ -484,21 +483,58 @@ pub(super) fn left_out<'a>(root: &Section<'a>, materials: &Materials) -> Vec<Lef
     let values = |section: &Section| {
         MAY_BE_LEFT_OUT.map(|(key, nothing)| Some((section.get(key)?.number()?, nothing)))
     };
-    let own = root.sections("material");
-    let own: Vec<_> = (0..).map(MaterialId).zip(own.iter().map(values)).collect();
-    let mut all = Vec::new();
-    for &(given_by, one) in &own {
-        for &(silent, other) in &own {
-            let of_both = of_both.get(&(given_by.min(silent), given_by.max(silent)));
-            for ((key, _), values) in MAY_BE_LEFT_OUT.into_iter().zip(one.into_iter().zip(other)) {
-                let (Some((value, nothing)), None) = values else { continue };
-                if value != nothing && of_both.is_none_or(|of| of.get(key).is_none()) {
-                    all.push(LeftOut { given_by, silent, key: key.to_owned() });
-                }
+    let own: Vec<_> = root.sections("material").iter().map(values).collect();
+    let acts_in_one = |given_by: MaterialId, silent: MaterialId| {
+        let of_both = of_both.get(&(given_by.min(silent), given_by.max(silent)));
+        let keys = MAY_BE_LEFT_OUT.iter().zip(&own[given_by.index()]).zip(&own[silent.index()]);
+        keys.filter_map(move |(((key, _), given), silent)| {
+            let acts = given.is_some_and(|(value, nothing)| value != nothing) && silent.is_none();
+            (acts && of_both.is_none_or(|of| of.get(key).is_none())).then_some(*key)
+        })
+    };
+    let grains: BTreeSet<MaterialId> =
+        library.materials[..library.particle_shapes].iter().copied().collect();
+    let all: BTreeSet<MaterialId> = library.materials.iter().copied().collect();
+    let names: Vec<&str> = materials.names().collect();
+    let (mut told, mut more) = (Vec::new(), 0);
+    for &a in &all {
+        for &b in all.range((Bound::Excluded(a), Bound::Unbounded)) {
+            if !grains.contains(&a) && !grains.contains(&b) {
+                continue;
             }
+            let [of_one, of_other] = [acts_in_one(a, b), acts_in_one(b, a)];
+            let (one, other) = (names[a.index()], names[b.index()]);
+            let mut all =
+                of_one.map(|key| (key, other)).chain(of_other.map(|key| (key, one))).peekable();
+            if all.peek().is_none() {
+                continue;
+            }
+            if told.len() == PAIRS_SHOWN {
+                more += 1;
+                continue;
+            }
+            let all: Vec<_> = all.map(|(key, silent)| lacks(key, silent)).collect();
+            told.push(format!(
+                "between materials \"{one}\" and \"{other}\" {}: give it there, as 0 (`restitution` as 1) if that is meant, or in an \
+                 [[interaction]] of both",
+                all.join("; ")
+            ));
         }
     }
-    all
+    if more > 0 {
+        told.push(format!("so it is between {more} more pairs of materials"));
+    }
+    told
+}
+
+/// What a key does in contacts with a material that does not give it.
+fn lacks(key: &str, silent: &str) -> String {
+    let what = match key {
+        "restitution" => "dashpots of `restitution` are half as strong as of the other",
+        "tangential_damping_ratio" => "`tangential_damping_ratio` is half of the other's",
+        key => &format!("`{key}` is 0"),
+    };
+    format!("{what}, as \"{silent}\" gives none")
 }
 
 /// The two materials of an `[[interaction]]`, the lower id first; `seen` are those of the ones before.

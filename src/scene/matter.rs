@@ -1,6 +1,7 @@
 //! Materials and shapes: from the file as written to the library.
 
 use super::Mix;
+use super::before;
 use super::geometry::{geometry, is_union};
 use super::mistakes::suggestion;
 use super::pieces::union;
@@ -10,6 +11,7 @@ use crate::ids::{MaterialId, ShapeId};
 use crate::population::sizes::Sizes;
 use crate::population::{Library, of_inertia, of_mass};
 use crate::shape::{Shape, Sphere};
+use crate::text::{MOST_NAMED, listed};
 use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
@@ -74,7 +76,7 @@ impl Names {
             (Some(given), ..) => self.find(&given, given.text()?),
             (None, only, None) if only.is_some() => only,
             (None, ..) => {
-                let names = self.listing().collect::<Vec<_>>().join(", ");
+                let names = listed(self.listing(), MOST_NAMED);
                 if !names.is_empty() {
                     section.fail(format!("`{key}` is missing: one of {names}"));
                 }
@@ -149,15 +151,20 @@ pub(super) struct Shapes {
 }
 
 impl Shapes {
-    /// Paths of meshes are relative to `folder`.
-    pub(super) fn read(root: &Section, materials: &Materials, folder: &Path) -> Self {
+    /// Paths of meshes are relative to `folder`. Meshes stay cut as in the snapshot with which the run begins.
+    pub(super) fn read(
+        root: &Section,
+        materials: &Materials,
+        folder: &Path,
+        before: Option<&Path>,
+    ) -> Self {
         let mut shapes =
             Self { names: Names::of("shape"), library: Library::default(), complete: true };
         let sections = root.sections("shape");
         for section in &sections {
             shapes.names.add(section);
         }
-        let (geometries, pieces) = geometries(&sections, &shapes.names, folder);
+        let (geometries, pieces) = geometries(&sections, &shapes.names, folder, before);
         shapes.names.pieces = pieces;
         for (k, (section, geometry)) in sections.iter().zip(geometries).enumerate() {
             let material = materials.find_in(section, "material");
@@ -197,6 +204,7 @@ fn geometries(
     sections: &[Section],
     names: &Names,
     folder: &Path,
+    before: Option<&Path>,
 ) -> (Vec<Option<Shape>>, BTreeSet<usize>) {
     let pieces = RefCell::new(BTreeSet::new());
     let single = |section: &Section| (!is_union(section)).then(|| geometry(section, folder));
@@ -212,7 +220,7 @@ fn geometries(
     };
     let of = |(section, single): (&Section, &Option<Option<Shape>>)| match single {
         Some(shape) => shape.clone(),
-        None => union(section, find, folder),
+        None => union(section, find, folder, |name| before::union(before?, name)),
     };
     let all = sections.iter().zip(&singles).map(of).collect();
     (all, pieces.into_inner())

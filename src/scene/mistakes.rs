@@ -1,6 +1,6 @@
 //! What is wrong with a scene: every mistake with its place, all in one go.
 
-use crate::text::shown;
+use crate::text::{listed, shown};
 use std::cell::RefCell;
 use std::fmt;
 use std::sync::Arc;
@@ -189,11 +189,9 @@ pub(super) fn suggestion<'a>(
     };
     let nearest = known.iter().copied().filter_map(distance).min_by_key(|&(distance, _)| distance);
     let guess = nearest.map_or_else(String::new, |(_, name)| format!("{GUESS}`{}`?", shown(name)));
-    let mut list = known.iter().take(NAMES).map(shown).collect::<Vec<_>>().join(", ");
+    let mut list = listed(known.iter().map(shown), NAMES);
     if known.is_empty() {
         "none".clone_into(&mut list);
-    } else if known.len() > NAMES {
-        list = format!("{list} and {} more", known.len() - NAMES);
     }
     format!("{guess} ({what_they_are}: {list})")
 }

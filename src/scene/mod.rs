@@ -34,6 +34,7 @@ mod listed;
 mod matter;
 mod mistakes;
 mod motions;
+pub mod one_shape;
 mod orientations;
 pub mod packing;
 pub mod pair;
@@ -74,7 +75,6 @@ pub use crate::sim::stop::Stop;
 use crate::sim::{Simulation, steps_of};
 use crate::text::{self, Unreadable};
 use crate::walls::Wall;
-pub use laws::LeftOut;
 pub use matter::Material;
 use mistakes::Mistakes;
 pub use mistakes::{Location, Problem, SceneErrors};
@@ -112,7 +112,7 @@ pub struct Scene {
     /// The law of contacts, with the constants of every pair of materials.
     pub law: law::Choice,
     /// What one of two materials does not say.
-    pub left_out: Vec<LeftOut>,
+    pub left_out: Vec<String>,
     /// What becomes of the forces where the snapshot with which it begins, or goes on, was made with other constants.
     pub jumps: Option<String>,
     /// What is doubtful in the files that it names, a sentence each.

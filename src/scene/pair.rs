@@ -1,15 +1,18 @@
 //! What acts in a pair that stands by itself, by the law of a scene.
 
-use super::{Fill, Listed, Scene, assemble, laws};
+use super::{Fill, Listed, Method, Scene, assemble, laws};
 use crate::cell::Cell;
 use crate::comm::alone::Alone;
-use crate::contact::{Geometry, Pair, Previous, StateColumn};
-use crate::ids::{MaterialId, Slot};
+use crate::contact::{Geometry, Pair, Previous, StateColumn, Touch};
+use crate::contacts::Loaded;
+use crate::ids::{GlobalId, MaterialId, Slot};
 use crate::law::{Choice, Last, Sums, Work};
 use crate::math::Vec3;
-use crate::pairs::Body;
+use crate::pairs::{Body, Place};
 use crate::population::Library;
 use crate::sim::{Simulation, audit};
+use crate::text::{MOST_NAMED, listed};
+use std::path::Path;
 use thiserror::Error;
 
 /// What acts in a pair at rest, as if its bodies had just been put there: nothing is remembered, and dashpots do nothing.
@@ -22,6 +25,16 @@ pub struct Acting {
     /// Elastic energy, less that of adhesion [J].
     pub stored: f64,
 }
+
+/// A scene in which contacts have a stiffness of 1 N/m and nothing else.
+const OF_UNIT_STIFFNESS: &str = r#"
+domain = { low = [-1, -1, -1], high = [1, 1, 1] }
+material = [{ name = "m", density = 1, normal_stiffness = 1 }]
+shape = [{ name = "ball", kind = "sphere", radius = 1 }]
+fill = { lattice = [{ first = [0, 0, 0], count = [1, 1, 1] }] }
+time = { step = "auto", steps = 1 }
+output = { directory = "out" }
+"#;
 
 /// Why the law says nothing of a pair.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -42,6 +55,14 @@ pub enum PairError {
     NothingHolds,
 }
 
+impl Acting {
+    /// Force, moment and energy, one after the other.
+    pub fn numbers(&self) -> [f64; 7] {
+        let Self { force, moment, stored } = self;
+        [force.x, force.y, force.z, moment.x, moment.y, moment.z, *stored]
+    }
+}
+
 impl Scene {
     /// The material of this name.
     ///
@@ -51,7 +72,7 @@ impl Scene {
         let names = || self.materials.iter().map(|material| &*material.name);
         let found = names().position(|other| other == name);
         let none = || {
-            let all = names().collect::<Vec<_>>().join(", ");
+            let all = listed(names(), MOST_NAMED);
             PairError::NoMaterial(name.to_owned(), all)
         };
         found.map(|index| MaterialId(index as u16)).ok_or_else(none)
@@ -71,6 +92,68 @@ impl Scene {
         if touched && !matches!(self.law, Choice::Jkr(_)) {
             return Err(PairError::NothingHolds);
         }
+        let mut sim = self.with_pair(bodies, materials)?;
+        if touched && let Some(acting) = across_gap(&mut sim) {
+            return Ok(acting);
+        }
+        let on_a = sim.particles.force.first().map_or_else(Vec3::zeros, |sum| sum.vector);
+        let torque = sim.particles.spin.as_ref().map_or_else(Vec3::zeros, |s| s.torque[0].vector);
+        let stored = sim.measure(&mut Alone::default()).stored;
+        Ok(Acting { force: -on_a, moment: -torque, stored })
+    }
+
+    /// What acts in each place where two bodies touch, and where that is.
+    ///
+    /// # Errors
+    /// As [`Scene::acting`].
+    pub fn places(
+        &self,
+        bodies: [&Body; 2],
+        materials: [MaterialId; 2],
+    ) -> Result<Vec<(Touch, Acting)>, PairError> {
+        let sim = self.with_pair(bodies, materials)?;
+        let particles = &sim.particles;
+        let first = Slot(particles.id.iter().position(|id| *id == GlobalId(0)).unwrap_or(0) as u32);
+        let place = |contact: Loaded| {
+            let Loaded { pair, geometry, state, force, point, patch, .. } = contact;
+            // Pieces stand in an order of their own.
+            let sign = if particles.body_of(pair.a) == first { 1.0 } else { -1.0 };
+            let point =
+                particles.position[pair.a.index()] - particles.position[first.index()] + point;
+            let (force, normal) = (force * sign, geometry.normal * sign);
+            let lever = patch.map_or_else(Vec3::zeros, |patch| patch.lever);
+            let couple = lever * (sign * sim.law.elastic(pair, particles, geometry));
+            let touch = Touch { overlap: geometry.overlap, normal, point };
+            let moment = point.cross(&force) + couple;
+            let stored = sim.law.stored(pair, particles, geometry, state);
+            (touch, Acting { force, moment, stored })
+        };
+        Ok(sim.contacts.loaded(&*sim.law, particles).map(place).collect())
+    }
+
+    /// Contacts of two bodies, found by a method, with a stiffness of 1 N/m.
+    ///
+    /// # Errors
+    /// A contact that cannot be resolved.
+    pub fn places_by(method: &Method, bodies: [&Body; 2]) -> Result<Vec<Place>, PairError> {
+        let scene = Self::parse(OF_UNIT_STIFFNESS, "", Path::new(""), &[]);
+        let scene = scene.map_err(|errors| PairError::Contact(errors.to_string()))?;
+        let scene = Self { method: *method, ..scene };
+        let found = scene.places(bodies, [MaterialId(0); 2])?;
+        let place = |(touch, acting): (Touch, Acting)| Place {
+            touch,
+            acting: acting.numbers(),
+            by_law: None,
+        };
+        Ok(found.into_iter().map(place).collect())
+    }
+
+    /// A simulation of these two bodies, in which forces have been found.
+    fn with_pair(
+        &self,
+        bodies: [&Body; 2],
+        materials: [MaterialId; 2],
+    ) -> Result<Simulation, PairError> {
         let scene = self.of_pair(bodies, materials);
         if let Some((_, message)) = laws::unfit(&scene.law, &scene.library).into_iter().next() {
             return Err(PairError::Shape(message));
@@ -79,13 +162,7 @@ impl Scene {
         let mut sim = assemble::assemble(&scene, &comm);
         assemble::fill(&mut sim, &scene, &comm);
         sim.begin(&mut comm).map_err(|error| PairError::Contact(error.to_string()))?;
-        if touched && let Some(acting) = across_gap(&mut sim) {
-            return Ok(acting);
-        }
-        let on_a = sim.particles.force.first().map_or_else(Vec3::zeros, |sum| sum.vector);
-        let torque = sim.particles.spin.as_ref().map_or_else(Vec3::zeros, |s| s.torque[0].vector);
-        let stored = sim.measure(&mut comm).stored;
-        Ok(Acting { force: -on_a, moment: -torque, stored })
+        Ok(sim)
     }
 
     /// The scene with these two bodies and nothing else.
@@ -105,6 +182,7 @@ impl Scene {
             });
         }
         library.particle_shapes = 2;
+        library.add_pieces();
         let [a, b] = bodies.map(|body| body.centre);
         let room = Vec3::repeat((b - a).norm() + 4.0 * library.largest_radius());
         let middle = (a + b) * 0.5;
@@ -120,6 +198,7 @@ impl Scene {
             rain: None,
             inlets: Vec::new(),
             outlets: Vec::new(),
+            groups: Vec::new(),
             audit: audit::Settings { every: 0, ..self.audit },
             start: None,
             ..self.clone()

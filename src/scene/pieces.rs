@@ -9,13 +9,15 @@
 
 use super::reader::{Given, Section};
 use crate::math::{Quat, Vec3, rotation_about};
+use crate::shape::hull::HullError;
 use crate::shape::mesh::{self, MeshError};
-use crate::shape::moments::{Moments, Placement};
+use crate::shape::moments::{Moments, Placement, Principal};
 use crate::shape::union::Piece;
 use crate::shape::{Convex as _, Polyhedron, Shape, Sphere, Union};
 use crate::text;
 use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// By default the pieces of a mesh are as near to it as this part of its size.
@@ -29,11 +31,13 @@ pub(super) fn turn(given: &Given) -> Option<Quat> {
     Some(rotation_about(&axis?, angle?.to_radians()))
 }
 
-/// The union that a section means. `find` knows shapes by their names; paths are relative to the folder.
+/// The union that a section means. `find` knows shapes by their names; paths are relative to the folder. `kept` is the union of this name with
+/// which the particles were before.
 pub(super) fn union(
     section: &Section,
     find: impl Fn(&Given) -> Option<Shape>,
     folder: &Path,
+    kept: impl Fn(&str) -> Option<Union>,
 ) -> Option<Shape> {
     let scale = section.number_or("scale", 1.0);
     let tolerance = section.number_or("tolerance", TOLERANCE);
@@ -46,7 +50,10 @@ pub(super) fn union(
             all.into_iter().collect::<Option<Vec<Piece>>>()?
         }
         [Some(count), Some(file), None] => {
-            return cut(&file, folder, scale?, count.whole()? as u32, tolerance?);
+            let wanted = Wanted { count: count.whole()? as u32, tolerance: tolerance? };
+            let name = section.get("name");
+            let kept = || name.as_ref().and_then(Given::text).and_then(&kept);
+            return cut(&file, &folder.join(file.text()?), scale?, &wanted, kept);
         }
         [None, Some(file), None] => of_files(&[file], section, folder, scale?)?,
         [None, None, Some(files)] => of_files(&files.list()?, section, folder, scale?)?,
@@ -145,10 +152,42 @@ const RESOLUTION: u32 = 64;
 /// How much of its volume a part may lack to its hull, before it is cut again.
 const CONCAVITY: f64 = 0.001;
 
-/// A closed mesh of any form, cut into so many pieces at most. Volume, centre and moments of inertia are the mesh's.
-fn cut(given: &Given, folder: &Path, scale: f64, count: u32, tolerance: f64) -> Option<Shape> {
-    let path = folder.join(given.text()?);
-    let mut triangles = mesh::triangles(&path).map_err(|error| given.fail(error)).ok()?;
+/// By which library meshes are cut, and how, for `--plan`.
+pub(super) fn cut_by() -> String {
+    format!(
+        "V-HACD of parry3d-f64 0.31, {RESOLUTION} cells along its longest side, concavity {CONCAVITY}"
+    )
+}
+
+/// How a mesh is to be cut.
+struct Wanted {
+    /// Into so many pieces at most.
+    count: u32,
+    /// How far these may be from it, over the radius of the body.
+    tolerance: f64,
+}
+
+impl Wanted {
+    fn is_near(&self, body: &Union) -> bool {
+        body.far() <= self.tolerance * body.bounding_radius()
+    }
+
+    /// Was a union cut from a mesh with these moments as this one is to be? Then it stays, whatever the library would make of the mesh now.
+    fn is_it(&self, body: &Union, mesh: &Principal) -> bool {
+        let is_same = body.volume() == mesh.volume && body.gyration() == mesh.gyration;
+        is_same && body.asked() == self.count && self.is_near(body)
+    }
+}
+
+/// A closed mesh of any form, cut into pieces, or as it has been before. Volume, centre and moments of inertia are the mesh's.
+fn cut(
+    given: &Given,
+    path: &Path,
+    scale: f64,
+    wanted: &Wanted,
+    kept: impl Fn() -> Option<Union>,
+) -> Option<Shape> {
+    let mut triangles = mesh::triangles(path).map_err(|error| given.fail(error)).ok()?;
     triangles.iter_mut().flatten().for_each(|corner| *corner *= scale);
     let (corners, faces) = mesh::welded(&triangles);
     if let Some(open) = mesh::open_edge(&faces) {
@@ -159,10 +198,36 @@ fn cut(given: &Given, folder: &Path, scale: f64, count: u32, tolerance: f64) -> 
         ));
         return None;
     }
-    if Moments::of_surface(&triangles).volume() <= 0.0 {
+    let moments = Moments::of_surface(&triangles);
+    if moments.volume() <= 0.0 {
         given.fail("holds no volume: let its triangles face outwards");
         return None;
     }
+    let principal = moments.principal();
+    if let Some(body) = kept().filter(|body| wanted.is_it(body, &principal)) {
+        return Some(Shape::Union(Box::new(body)));
+    }
+    let pieces = hulls(&corners, &faces, wanted.count).map_err(|error| given.fail(error)).ok()?;
+    let body = Union::in_surface(pieces, &triangles).map_err(|error| given.fail(error)).ok()?;
+    if !wanted.is_near(&body) {
+        let (size, far) = (body.bounding_radius(), body.far());
+        given.fail(format!(
+            "{} pieces are up to {far:.3e} m ({:.1} % of its radius) from the mesh, more than `tolerance` = {}: take more `pieces`, or \
+             another tolerance",
+            body.pieces().len(),
+            100.0 * far / size,
+            wanted.tolerance
+        ));
+        return None;
+    }
+    Some(Shape::Union(Box::new(body.of_at_most(wanted.count))))
+}
+
+/// Convex hulls of the parts into which a surface is cut, so many at most.
+///
+/// # Errors
+/// What is wrong with a part.
+fn hulls(corners: &[Vec3], faces: &[[u32; 3]], count: u32) -> Result<Vec<Piece>, String> {
     let parameters = VHACDParameters {
         resolution: RESOLUTION,
         concavity: CONCAVITY,
@@ -170,27 +235,72 @@ fn cut(given: &Given, folder: &Path, scale: f64, count: u32, tolerance: f64) -> 
         ..VHACDParameters::default()
     };
     let points: Vec<Vector> = corners.iter().map(|at| Vector::new(at.x, at.y, at.z)).collect();
-    let parts = VHACD::decompose(&parameters, &points, &faces, true);
-    let hulls = parts.compute_exact_convex_hulls(&points, &faces);
-    let mut pieces = Vec::new();
-    for (hull, _) in hulls {
+    let parts = VHACD::decompose(&parameters, &points, faces, true);
+    let mut bodies = Vec::new();
+    for (hull, _) in parts.compute_exact_convex_hulls(&points, faces) {
         let corners: Vec<Vec3> = hull.iter().map(|at| Vec3::new(at.x, at.y, at.z)).collect();
-        // A part without a volume adds nothing.
-        if let Ok(body) = Polyhedron::around(&corners) {
-            let shape = Shape::Polyhedron(Box::new(body));
-            pieces.push(placed(shape, &Vec3::zeros(), &Quat::identity()));
+        bodies.extend(around(corners)?);
+    }
+    let place = |body: Polyhedron| {
+        placed(Shape::Polyhedron(Box::new(body)), &Vec3::zeros(), &Quat::identity())
+    };
+    Ok(joined(bodies, count as usize)?.into_iter().map(place).collect())
+}
+
+/// The hull of points, of which some may be the same; `None` if it has no volume.
+fn around(mut points: Vec<Vec3>) -> Result<Option<Polyhedron>, String> {
+    loop {
+        match Polyhedron::around(&points) {
+            Ok(body) => return Ok(Some(body)),
+            Err(HullError::Same { second, .. }) => drop(points.swap_remove(second)),
+            // A part without a volume adds nothing.
+            Err(HullError::Flat | HullError::TooFew { .. }) => return Ok(None),
+            Err(error) => return Err(format!("cannot be cut: {error}")),
         }
     }
-    let body = Union::in_surface(pieces, &triangles).map_err(|error| given.fail(error)).ok()?;
-    let (size, far) = (body.bounding_radius(), body.far());
-    if far > tolerance * size {
-        given.fail(format!(
-            "{} pieces are up to {far:.3e} m ({:.1} % of its radius) from the mesh, more than `tolerance` = {tolerance}: take more `pieces`, or \
-             another tolerance",
-            body.pieces().len(),
-            100.0 * far / size
-        ));
-        return None;
+}
+
+/// The cutting halves parts and may leave twice as many as are asked for. The two whose common hull adds the least volume become one,
+/// until there are so many at most.
+fn joined(bodies: Vec<Polyhedron>, count: usize) -> Result<Vec<Polyhedron>, String> {
+    let mut left = bodies.len();
+    let mut bodies: Vec<Option<Polyhedron>> = bodies.into_iter().map(Some).collect();
+    let mut common: BTreeMap<[usize; 2], (f64, Polyhedron)> = BTreeMap::new();
+    let mut known = 0;
+    while left > count {
+        for other in known..bodies.len() {
+            for one in 0..other {
+                let [Some(a), Some(b)] = [&bodies[one], &bodies[other]] else { continue };
+                if are_near(a, b)
+                    && let Some(hull) = around([a, b].map(corners_of).concat())?
+                {
+                    common.insert([one, other], (hull.volume() - a.volume() - b.volume(), hull));
+                }
+            }
+        }
+        known = bodies.len();
+        let least = common.iter().min_by(|(_, (a, _)), (_, (b, _))| a.total_cmp(b));
+        let Some((&pair, _)) = least else {
+            return Err(format!("{left} of its parts do not touch: take as many `pieces`"));
+        };
+        bodies.push(common.remove(&pair).map(|(_, hull)| hull));
+        for k in pair {
+            bodies[k] = None;
+        }
+        common.retain(|of, _| !of.iter().any(|k| pair.contains(k)));
+        left -= 1;
     }
-    Some(Shape::Union(Box::new(body)))
+    Ok(bodies.into_iter().flatten().collect())
+}
+
+/// Corners in the axes of the file.
+fn corners_of(body: &Polyhedron) -> Vec<Vec3> {
+    let Placement { centre, axes } = body.placement();
+    body.hull().vertices().iter().map(|corner| centre + axes * corner).collect()
+}
+
+/// Do balls around two bodies overlap?
+fn are_near(one: &Polyhedron, other: &Polyhedron) -> bool {
+    let apart = (one.placement().centre - other.placement().centre).norm();
+    apart < one.bounding_radius() + other.bounding_radius()
 }

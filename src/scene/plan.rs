@@ -4,6 +4,7 @@ use super::bed::Share;
 use super::doubts::doubts;
 use super::element;
 use super::packing;
+use super::pieces;
 use super::{Control, Fill, Goal, Mix, Scene, Servo, Stop};
 use crate::cell::{AXES, Face, Shear};
 use crate::contact::{ContactResolver, Patch, StateColumn, table};
@@ -18,6 +19,7 @@ use crate::output::snapshot::{contact_bytes, particle_bytes};
 use crate::output::tables::PARTICLE_COLUMNS;
 use crate::shape::moments::Placement;
 use crate::shape::{Convex as _, Kind, Shape, Union};
+use crate::text::listed;
 use crate::walls::{Mesh, Wall};
 use std::collections::BTreeSet;
 use std::fmt::Display;
@@ -28,8 +30,8 @@ const CONTACTS_PER_PARTICLE: u64 = 4;
 /// Time to make a cell behind a triangle, and to look at another triangle for it, about [s].
 const SECONDS_PER_CELL: f64 = 1e-5;
 const SECONDS_PER_LOOK: f64 = 5e-8;
-/// So many pairs of materials are listed, the others counted.
-const PAIRS_SHOWN: usize = 50;
+/// So many shapes and pairs of materials are listed, the others counted.
+const SHOWN: usize = 50;
 
 /// What is in, what is left out and why, and the bytes, messages and time steps that follow, for a run
 /// on so many ranks. Numbers of particles per rank are estimates for the settled bed.
@@ -129,13 +131,13 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     let law = scene.force_law();
     page.line("law", law.about().name());
     let pairs = pairs_of_materials(scene);
-    for &(a, b) in pairs.iter().take(PAIRS_SHOWN) {
+    for &(a, b) in pairs.iter().take(SHOWN) {
         let words = law.about().words(a, b);
         let [a, b] = [a, b].map(|id| &*scene.materials[id.index()].name);
         page.line("constants", format!("{a}-{b}: {words}"));
     }
-    if pairs.len() > PAIRS_SHOWN {
-        page.line("", format!("and of {} more pairs of materials", pairs.len() - PAIRS_SHOWN));
+    if pairs.len() > SHOWN {
+        page.line("", format!("and of {} more pairs of materials", pairs.len() - SHOWN));
     }
     for limit in law.about().limits() {
         page.line("bounds", limit);
@@ -159,6 +161,9 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     }
     if scene.audit.every > 0 {
         page.line("audit", scene.audit.words());
+        if !scene.library.pieces.is_empty() {
+            page.line("", "contacts of unions are left out of it");
+        }
     }
     let needs = scene.needs();
     let columns = [
@@ -199,20 +204,21 @@ fn shares(scene: &Scene, mix: &Mix, page: &mut Page) {
     }
     let library = &scene.library;
     let mean = library.mean_over(mix, |shape| library.mass[shape.index()]);
-    let listed = |of_share: &dyn Fn(ShapeId, f64) -> f64| {
+    let all = |of_share: &dyn Fn(ShapeId, f64) -> f64| {
         let one = |(shape, share): (ShapeId, f64)| {
             format!("{} {:.2} %", library.names[shape.index()], 100.0 * of_share(shape, share))
         };
-        mix.shares().map(one).collect::<Vec<_>>().join(", ")
+        listed(mix.shares().map(one), SHOWN)
     };
-    let by_number = listed(&|_, share| share);
-    let by_mass = listed(&|shape, share| share * library.mean_mass(shape) / mean);
+    let by_number = all(&|_, share| share);
+    let by_mass = all(&|shape, share| share * library.mean_mass(shape) / mean);
     page.line("", format!("shares by number: {by_number}; by mass: {by_mass}"));
 }
 
 fn shapes(scene: &Scene, page: &mut Page) {
     let library = &scene.library;
-    for (index, shape) in library.shapes[..library.own_shapes()].iter().enumerate() {
+    let own = &library.shapes[..library.own_shapes()];
+    for (index, shape) in own.iter().enumerate().take(SHOWN) {
         let size = if let Shape::Sphere(sphere) = shape {
             format!("radius {:.4e} m", sphere.radius)
         } else {
@@ -245,17 +251,21 @@ fn shapes(scene: &Scene, page: &mut Page) {
             );
         }
     }
+    if own.len() > SHOWN {
+        page.line("", format!("and {} more shapes", own.len() - SHOWN));
+    }
 }
 
 /// How many, and how well they are known.
-fn pieces_of(body: &Union) -> String {
+pub(super) fn pieces_of(body: &Union) -> String {
     let (count, error) = (body.pieces().len(), body.error());
     let volume = body.volume();
     if body.far() > 0.0 {
         return format!(
-            "{count} pieces stand for a mesh of {volume:.4e} m3: their volume is {:+.2} % of it, and they are up to {:.3e} m from it",
+            "{count} pieces stand for a mesh of {volume:.4e} m3: their volume is {:+.2} % of it, and they are up to {:.3e} m from it ({})",
             100.0 * error,
-            body.far()
+            body.far(),
+            pieces::cut_by()
         );
     }
     let known = if error > 0.0 { format!("to {error:.1e}") } else { "exact".to_owned() };
@@ -265,17 +275,17 @@ fn pieces_of(body: &Union) -> String {
 fn walls(scene: &Scene, page: &mut Page) {
     let walls = |moving: bool| {
         let names = scene.walls.iter().filter(|wall| wall.moves == moving);
-        names.map(|wall| wall.name.as_str()).collect::<Vec<_>>().join(", ")
+        listed(names.map(|wall| wall.name.as_str()), SHOWN)
     };
     let belts = scene.walls.iter().filter(|wall| wall.is_belt());
     let belts = belts.map(|wall| format!("{}: {:?} m/s", wall.name, wall.surface_velocity.norm()));
-    let belts = belts.collect::<Vec<_>>().join(", ");
+    let belts = listed(belts, SHOWN);
     let wearing = scene.walls.iter().filter(|wall| wall.wears).map(|wall| {
         let triangles = wall.mesh.as_ref().map_or(0, |mesh| mesh.surface.len());
         let bytes = Ledger::BYTES * (triangles + 1);
         format!("{}: {} kB on every rank", wall.name, bytes.div_ceil(1000))
     });
-    let wearing = wearing.collect::<Vec<_>>().join(", ");
+    let wearing = listed(wearing, SHOWN);
     for (label, names) in [
         ("fixed walls", walls(false)),
         ("moving walls", walls(true)),
@@ -361,11 +371,14 @@ fn motion(wall: &Wall) -> Option<String> {
 }
 
 /// Which materials can meet.
-fn pairs_of_materials(scene: &Scene) -> BTreeSet<(MaterialId, MaterialId)> {
-    let (grains, all) =
-        (&scene.library.materials[..scene.library.particle_shapes], &scene.library.materials);
-    let with = |&a: &MaterialId| all.iter().map(move |&b| (a.min(b), a.max(b)));
-    grains.iter().flat_map(with).collect()
+fn pairs_of_materials(scene: &Scene) -> Vec<(MaterialId, MaterialId)> {
+    let library = &scene.library;
+    let grains: BTreeSet<_> = library.materials[..library.particle_shapes].iter().collect();
+    let all: BTreeSet<_> = library.materials.iter().collect();
+    let with = |&a: &MaterialId| all.range(a..).map(move |&&b| (a, b));
+    let mut pairs: Vec<_> = all.iter().copied().flat_map(with).collect();
+    pairs.retain(|(a, b)| grains.contains(a) || grains.contains(b));
+    pairs
 }
 
 /// Which kinds of shapes can meet.

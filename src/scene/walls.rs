@@ -17,6 +17,7 @@ use crate::math::{Quat, Vec3, printed_limit};
 use crate::population::Library;
 use crate::shape::triangle_mesh::TriangleMesh;
 use crate::shape::{HalfSpace, Kind, LENGTHS, Shape, mesh};
+use crate::text::{MOST_NAMED, listed};
 use crate::walls::{TorqueAbout, Wall};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -278,7 +279,7 @@ impl<'a> Walls<'a> {
             let of = all().filter(|(_, shape)| is(shape.kind()));
             let name =
                 |(name, shape): (&String, &Shape)| format!("`{name}` ({})", shape.kind().name());
-            of.map(name).collect::<Vec<_>>().join(", ")
+            listed(of.map(name), MOST_NAMED)
         };
         let faces = all_names(Kind::has_faces);
         // Whose contacts have an extent.

@@ -5,6 +5,8 @@
 //! ranks. Counts and largest errors are of all that were resolved; of very many, medians and percentiles are of those with the
 //! 4,096 least random numbers. Only contacts that touch are looked at: what a method takes for apart is not.
 //!
+//! Contacts of unions are left out: no resolver finds them, they are made of contacts of pieces.
+//!
 //! Cost: a contact takes 14 µs of ellipsoids, about 50 µs of superellipsoids, 2 µs of polyhedra, less than 1 µs of spheres. A
 //! fiftieth of the contacts every 1,000 steps takes 0.2 % of the time of settled ellipsoids, less of all others.
 
@@ -114,8 +116,12 @@ impl Auditor {
 
     /// Resolves a sample again. Contacts must belong to the positions. Collective.
     pub fn look(&mut self, sim: &Simulation, comm: &mut dyn Comm) {
-        let owned = |pair: Pair| pair.a.index() < sim.particles.owned;
-        let mut touching = [sim.contacts.iter().filter(|&(pair, _)| owned(pair)).count() as i64];
+        // Contacts of unions are put together of those of their pieces.
+        let particles = &sim.particles;
+        let is_audited =
+            |pair: Pair| pair.a.index() < particles.owned && particles.body_of(pair.b) == pair.b;
+        let mut touching =
+            [sim.contacts.iter().filter(|&(pair, _)| is_audited(pair)).count() as i64];
         comm.sum(&mut touching);
         self.audits += 1;
         if touching[0] == 0 {
@@ -123,7 +129,7 @@ impl Auditor {
         }
         // Beyond 1 all are taken.
         let highest = (self.settings.sample(touching[0] as f64) * 2f64.powi(64)) as u64;
-        for (pair, touch) in sim.contacts.touches(&sim.particles).filter(|&(pair, _)| owned(pair)) {
+        for (pair, touch) in sim.contacts.touches(particles).filter(|&(pair, _)| is_audited(pair)) {
             let [a, b] = [pair.a, pair.b].map(|slot| sim.particles.id[slot.index()].0);
             let number = mixed(&[self.settings.seed, sim.step, a, b]);
             if number <= highest {
@@ -198,7 +204,8 @@ impl Auditor {
             }
         }
         let Settings { every, seed, .. } = self.settings;
-        Audit { every, seed, audits: self.audits, contacts, of_kinds }
+        let without_unions = !sim.particles.library.pieces.is_empty();
+        Audit { every, seed, audits: self.audits, contacts, without_unions, of_kinds }
     }
 }
 

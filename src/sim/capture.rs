@@ -43,7 +43,7 @@ impl Rows<ContactRow> for FirstOwned<'_> {
 
 /// A contact between bodies: of pieces of unions that of their bodies, from that with the lower id.
 fn row_of(contact: &Loaded, particles: &Particles) -> ContactRow {
-    let Loaded { pair: Pair { a, b }, geometry, normal_force, force, point, state: _ } = *contact;
+    let Loaded { pair: Pair { a, b }, geometry, normal_force, force, point, .. } = *contact;
     let whole = Pair { a: particles.body_of(a), b: particles.body_of(b) };
     let [of_a, of_b] = [whole.a, whole.b].map(|slot| particles.id[slot.index()]);
     let centre = particles.position[whole.a.index()];

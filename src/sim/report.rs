@@ -68,7 +68,8 @@ fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
         .all_observers()
         .filter(|drive| finish.ends_stage && !(has_stopped && is_kept(*drive)))
         .flat_map(|drive| drive.outcome(&sim.particles.walls, has_stopped).warnings);
-    let balance = finish.measures.poor_balance(finish.most_moving, sim.dt);
+    let limit = time_step_limit(&sim.particles.library, &*sim.law).map(|limit| limit.dt);
+    let balance = finish.measures.poor_balance(finish.most_moving, sim.dt, limit);
     let others = [overlap(finish), hollow(sim, finish), balance, finish.stiffened.clone()];
     stop.into_iter().chain(of_drives).chain(others.into_iter().flatten()).collect()
 }

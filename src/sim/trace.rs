@@ -3,7 +3,7 @@
 
 use super::Simulation;
 use crate::comm::{Comm, everywhere, wire};
-use crate::contact::StateColumn;
+use crate::contact::{Pair, StateColumn};
 use crate::contacts::Loaded;
 use crate::ids::GlobalId;
 use crate::law::{torque_on_a, torque_on_b};
@@ -52,23 +52,37 @@ impl Simulation {
         }
         let mut lines = Vec::new();
         for contact in self.contacts.loaded(&*self.law, particles) {
-            let Loaded { pair, geometry, state, normal_force, force, point } = contact;
-            let is_a = pair.a.index() == slot;
-            if !is_a && pair.b.index() != slot {
+            let Loaded { pair, geometry, state, normal_force, force, point, .. } = contact;
+            let whole = Pair { a: particles.body_of(pair.a), b: particles.body_of(pair.b) };
+            let is_a = whole.a.index() == slot;
+            if !is_a && whole.b.index() != slot {
                 continue;
             }
-            let partner = particles.id[if is_a { pair.b } else { pair.a }.index()];
+            let [id_of_a, id_of_b] = [whole.a, whole.b].map(|slot| particles.id[slot.index()]);
+            let partner = if is_a { id_of_b } else { id_of_a };
+            let r = particles.bodies().relative(whole);
+            let point = if whole.a == pair.a {
+                point
+            } else {
+                point + (particles.position[pair.a.index()] - particles.position[whole.a.index()])
+            };
             let (force, torque) = if is_a {
                 (-force, torque_on_a(&force, &point))
             } else {
-                (force, torque_on_b(&force, &point, &particles.bodies().relative(pair)))
+                (force, torque_on_b(&force, &point, &r))
+            };
+            // Pieces stand in an order of their own.
+            let (normal, point) = if id_of_a < id_of_b {
+                (geometry.normal, point)
+            } else {
+                (-geometry.normal, point - r)
             };
             let mut line = format!(
                 "trace step={step} particle={id} contact={} overlap={:e} normal={} point={} normal_force={:e} \
                  force={} torque={}",
                 partner.to_string().replace(' ', ""),
                 geometry.overlap,
-                commas(geometry.normal.as_slice()),
+                commas(normal.as_slice()),
                 commas(point.as_slice()),
                 normal_force,
                 commas(force.as_slice()),
@@ -97,7 +111,7 @@ impl Simulation {
         let particles = &self.particles;
         let pairs = self.contacts.iter().map(|(pair, _)| pair);
         let mine: Vec<GlobalId> = pairs
-            .map(|pair| (particles.id[pair.a.index()], particles.id[pair.b.index()]))
+            .map(|pair| [pair.a, pair.b].map(|slot| particles.id[slot.index()].body()).into())
             .filter_map(|(a, b)| if a == id { Some(b) } else { (b == id).then_some(a) })
             .collect();
         // Both owners of a pair know it.

@@ -117,6 +117,76 @@ fn the_program_gives_the_bits_of_the_library() {
     check_bits("caseI.csv", &plain, &Method::Epa(Epa { polish: false, ..epa }));
 }
 
+/// Unions have a row for each place: closed forms of balls, and a box in two blocks has the row of the box.
+#[test]
+fn unions_have_a_row_for_each_place() {
+    let ball = |x: f64, z: f64| format!("{{\"r\": 1, \"c\": [{x}, 0, {z}]}}");
+    let dimers = |id: &str, z: f64| {
+        let (a, b) = ([ball(0.0, 0.0), ball(2.0, 0.0)], [ball(0.0, z), ball(2.0, z)]);
+        format!("{{\"id\": \"{id}\", \"UA\": [{}], \"UB\": [{}]}}\n", a.join(", "), b.join(", "))
+    };
+    let block = |low: f64, high: f64| {
+        let corners: Vec<[f64; 3]> = (0..8)
+            .map(|k| [[low, high][k & 1], [-0.5, 0.5][k >> 1 & 1], [-0.5, 0.5][k >> 2]])
+            .collect();
+        format!("{corners:?}")
+    };
+    let above = "[[-0.3,-0.4,0.45],[0.3,-0.4,0.45],[-0.3,0.4,0.47],[0.3,0.4,0.47],[0,0,2]]";
+    let cut = format!(
+        "{{\"id\": \"cut\", \"UA\": [{{\"V\": {}}}, {{\"V\": {}}}], \"UB\": [{{\"V\": {above}}}]}}\n",
+        block(-0.5, 0.1),
+        block(0.1, 0.5)
+    );
+    let whole = format!("{{\"id\": \"whole\", \"VA\": {}, \"VB\": {above}}}\n", block(-0.5, 0.5));
+    let text = dimers("flush", 1.9) + &dimers("apart", 2.3) + &cut + &whole;
+    let output = dem_contact(&["-"], &text);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let all = rows(&output.stdout);
+    let of = |id: &str| all.iter().filter(|row| row["id"] == id).collect::<Vec<_>>();
+    let flush = of("flush");
+    assert_eq!(flush.len(), 2);
+    for (row, x) in flush.into_iter().zip([0.0, 2.0]) {
+        let near = |stem: &str, expected: Vec3| {
+            let found = vector(row, stem);
+            assert!((found - expected).norm() < 1e-14, "{stem}: {found} but {expected}");
+        };
+        near("n", Vec3::z());
+        near("C", Vec3::new(x, 0.0, 0.95));
+        near("PA", Vec3::new(x, 0.0, 1.0));
+        near("F", Vec3::z() * 0.1);
+        // About the middle of the first dimer.
+        near("M", Vec3::y() * (0.1 * (1.0 - x)));
+        assert!((number(row, "energy") - 0.005).abs() < 1e-15);
+        assert_eq!(row["solver"], "pieces");
+    }
+    let apart = of("apart");
+    assert!(apart.len() == 1 && (number(apart[0], "overlap") + 0.3).abs() < 1e-14, "{apart:?}");
+    let (cut, whole) = (of("cut"), of("whole"));
+    assert_eq!((cut.len(), whole.len()), (1, 1));
+    for column in ["thickness", "Fx", "Fy", "Fz", "Mx", "My", "Mz", "energy"] {
+        let [found, expected] = [&cut, &whole].map(|rows| number(rows[0], column));
+        assert!((found - expected).abs() < 1e-12, "{column}: {found} but {expected}");
+    }
+    // The law of a scene, in each place.
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("scene.toml");
+    std::fs::write(&scene, crate::support::completed("")).unwrap();
+    let law = ["-", "--repeats", "0", "--law", scene.to_str().unwrap()];
+    let of_law = rows(&dem_contact(&law, &text).stdout);
+    assert_eq!(of_law.len(), all.len());
+    for (row, unit) in of_law.iter().zip(&all).filter(|(row, _)| row["id"] != "apart") {
+        for column in ["Fx", "Fy", "Fz", "Mx", "My", "Mz", "energy"] {
+            let (found, expected) =
+                (number(row, &format!("law_{column}")), 1e4 * number(unit, column));
+            assert!((found - expected).abs() < 1e-8, "{column}: {found} but {expected}");
+        }
+    }
+    let wrong = dem_contact(&["-"], "{\"id\": 1, \"UA\": [{\"x\": 1}], \"UB\": []}");
+    assert!(said(&wrong).contains("UA[0] is no piece"), "{}", said(&wrong));
+    let empty = dem_contact(&["-"], "{\"id\": 1, \"UA\": [], \"UB\": []}");
+    assert!(said(&empty).contains("UA: a union has one piece or more"), "{}", said(&empty));
+}
+
 /// Clearances too are those of the reference, and continuous through touching.
 #[test]
 fn overlaps_have_their_sign() {

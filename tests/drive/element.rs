@@ -322,8 +322,9 @@ fn all_six_stresses_are_reached() {
 fn a_strained_cell_is_the_same_on_any_number_of_ranks_and_over_restarts() {
     let cell = "[cell]\nxx = { stress = 2e4 }\nyy = { stress = 2e4 }\nzz = { stress = 2e4 }\nxy = { rate = -150.0 }\nxz = { stress = 0.0 }\n\
                 yz = { rate = 70.0 }\nmax_rate = 50.0";
-    for shape in [BALL, EGG] {
-        let text = crowd(cell, shape, ROUGH, 4, 3e-6);
+    // Balls of the second seed come near each other against the flow, where a ghost hardly moves.
+    for (shape, seed) in [(BALL, 1), (BALL, 8), (EGG, 1)] {
+        let text = format!("seed = {seed}\n{}", crowd(cell, shape, ROUGH, 4, 3e-6));
         let scene = scene(&(text + "[neighbours]\nimbalance = 1.02\norder_every = 300\n"));
         let alone = OnRanks::of(&scene).the_same_on(2600, &[2, 3, 4], &[[3, 2], [1, 4]]);
         assert!(alone.number("contacts") > 50.0);

@@ -1,7 +1,9 @@
 //! What is computed from a snapshot, against closed forms and the independent reference.
 
+mod drawings;
 mod fabric;
 mod files;
+mod forms;
 mod measures;
 mod pieces;
 mod plots;

@@ -16,7 +16,7 @@ use dem_mpi::post::views::{Layer, Views};
 use dem_mpi::post::{Settings, page, panels, plots};
 use dem_mpi::walls::Wall;
 
-fn views(snapshot: &Snapshot, bounds: &Bounds) -> Views {
+pub(super) fn views(snapshot: &Snapshot, bounds: &Bounds) -> Views {
     let volume = snapshot.header.shapes[0].volume;
     let mut views =
         Views::new(&snapshot.header, bounds, (6.0 / std::f64::consts::PI * volume).cbrt());

@@ -11,7 +11,7 @@ use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 
-const FOLDERS: [&str; 11] = [
+const FOLDERS: [&str; 13] = [
     "heap",
     "mixture",
     "shear",
@@ -23,6 +23,8 @@ const FOLDERS: [&str; 11] = [
     "drum",
     "silo",
     "groups",
+    "jacks",
+    "stones",
 ];
 
 /// The stages before have not been run, and need not have been.
@@ -76,7 +78,7 @@ fn each_has_a_page_and_a_picture_and_nothing_doubtful() {
             let scene =
                 Scene::read_to_go_on(file, &[], &before).unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(doubts(&scene), Vec::<String>::new(), "{}", scene.title);
-            if ["triaxial", "element"].contains(&name) {
+            if ["triaxial", "element", "jacks"].contains(&name) {
                 // The next stage asks the snapshot of this one for its scene.
                 before = fresh_directory(&format!("ready_{name}_{stage}"));
                 let comm = &mut Alone::default();

@@ -29,7 +29,7 @@ const KEYS: [(&str, &str); 13] = [
         "bytes_per_ns bytes_per_particle_step operations_per_ns operations_per_particle_step",
     ),
     ("/contacts", "contacts contacts_per_s fallback_share fallbacks listed_pairs resolved_pairs"),
-    ("/audit", "audits contacts every of_kinds seed"),
+    ("/audit", "audits contacts every of_kinds seed without_unions"),
     (
         "/audit/of_kinds/0",
         "against contacts force kinds mean_force_n method normal_rad overlap point relative_overlap spurious unresolved",

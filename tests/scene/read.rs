@@ -391,6 +391,14 @@ fn negative_numbers_are_values() {
         assert_eq!(output.status.code(), Some(2));
         assert!(said(&output).contains("invalid value '-1' for"), "{option}: {}", said(&output));
     }
+    let run = env!("CARGO_BIN_EXE_dem-mpi");
+    let output = program(run, &["scene.toml", "--plan", "--threads", "65"], folder.path());
+    assert!(said(&output).contains("65 is not in 1..=64"), "{}", said(&output));
+    let [one, most] = ["1", "64"].map(|threads| {
+        program(run, &["scene.toml", "--plan", "--threads", threads], folder.path())
+    });
+    assert_eq!(most.status.code(), Some(0), "{}", said(&most));
+    assert!(one.stdout.len() > 500 && most.stdout.len() > 500, "{}", said(&most));
     for option in ["--margin", "--grid"] {
         let output =
             program(env!("CARGO_BIN_EXE_dem-post"), &["out", option, "-1d"], folder.path());

@@ -1,5 +1,6 @@
 //! Shapes, their sizes and packings of them.
 
+mod cut;
 mod kinds;
 mod sizes;
 mod solids;

@@ -6,6 +6,7 @@ use dem_mpi::math::{Quat, Vec3, rotation_about};
 use dem_mpi::shape::union::Piece;
 use dem_mpi::shape::{Convex as _, Ellipsoid, Polyhedron, Shape, Sphere, Union};
 use std::f64::consts::PI;
+use std::fmt::Write as _;
 
 /// A piece upright, at a place.
 pub(crate) fn piece(shape: &Shape, at: [f64; 3]) -> Piece {
@@ -23,6 +24,36 @@ pub(crate) fn cubes(places: &[[f64; 3]]) -> Union {
     Union::new(places.iter().map(|&at| piece(&cube, at)).collect()).expect("a body")
 }
 
+/// The surface of unit cubes at these places as an OBJ, without the squares that two share.
+pub(crate) fn obj_of_cubes(places: &[[f64; 3]]) -> String {
+    let mut obj = String::new();
+    let mut corners = 0;
+    for at in places {
+        for axis in 0..3 {
+            for sign in [-1.0, 1.0] {
+                let mut beside = *at;
+                beside[axis] += sign;
+                if places.contains(&beside) {
+                    continue;
+                }
+                let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+                for [p, q] in [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]] {
+                    let mut corner = *at;
+                    corner[axis] += 0.5 * sign;
+                    corner[u] += p * sign;
+                    corner[v] += q;
+                    let [x, y, z] = corner;
+                    writeln!(obj, "v {x} {y} {z}").unwrap();
+                }
+                let [a, b, c, d] = [1, 2, 3, 4].map(|k| corners + k);
+                writeln!(obj, "f {a} {b} {c}\nf {a} {c} {d}").unwrap();
+                corners += 4;
+            }
+        }
+    }
+    obj
+}
+
 pub(crate) const ELL: [[f64; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 pub(crate) const JACK: [[f64; 3]; 7] = [
     [0.0, 0.0, 0.0],
@@ -34,7 +65,7 @@ pub(crate) const JACK: [[f64; 3]; 7] = [
     [0.0, 0.0, -1.0],
 ];
 
-fn has(body: &Union, volume: f64, mut moments: [f64; 3], tolerance: f64, name: &str) {
+pub(crate) fn has(body: &Union, volume: f64, mut moments: [f64; 3], tolerance: f64, name: &str) {
     close(body.volume(), volume, tolerance, name);
     let mut found: [f64; 3] = (body.gyration() * body.volume()).into();
     found.sort_by(f64::total_cmp);

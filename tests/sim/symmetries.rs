@@ -192,7 +192,7 @@ fn off(found: &[Particle], expected: &[Particle]) -> f64 {
 
 const STEPS: u32 = 1200;
 /// Collisions make rounding larger.
-const ROUNDED: f64 = 1e-7;
+const ROUNDED: f64 = 1e-6;
 
 /// In each case the grains after some steps, and after being changed, run, and changed back.
 fn holds(

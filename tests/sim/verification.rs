@@ -98,6 +98,11 @@ fn dominoes() {
 }
 
 #[test]
+fn bodies_of_several_pieces() {
+    check("unions");
+}
+
+#[test]
 fn boxes_of_unequal_size() {
     check("unequal");
 }

@@ -116,7 +116,7 @@ fn creep(shapes: &[&str], normal: Vec3, places: &[Vec3], apart: f64) -> (f64, f6
 fn holds(what: &str, most: f64, (way, fall): (f64, f64)) {
     eprintln!("{what}: {way:.1e} m, {fall:.1e}");
     assert!(way < most, "{what}: creeps by {way:e} m");
-    assert!(fall < 1e-7, "{what}: friction has given {fall:e} of the kinetic energy");
+    assert!(fall < 3e-7, "{what}: friction has given {fall:e} of the kinetic energy");
 }
 
 /// Into each other at each contact, by 1 N [m].
@@ -144,11 +144,12 @@ fn nothing_creeps_in_a_bed_that_turns() {
     let height = HALF - PRESSED;
     for (name, shapes, shift, most) in [
         ("balls", &[BALL][..], 0.0, 1e-8),
-        ("lentils", &[LENTIL], 0.0, 1e-6),
-        // With the whole first order it would be 1.2e-5 m for boxes aside: a twentieth of that is left where two boxes tilt.
-        ("boxes", &[BOX], 0.0, 1e-6),
-        ("boxes aside", &[BOX], 0.008, 1e-6),
-        ("a ball on a box", &[BOX, BALL], 0.004, 1e-6),
+        ("lentils", &[LENTIL], 0.0, 1e-8),
+        // Of second order: with the angular velocity after the turn in place of that of the turn it would be 2e-7 and 6e-7 m.
+        ("boxes", &[BOX], 0.0, 1e-9),
+        ("boxes aside", &[BOX], 0.008, 1e-9),
+        // It rolls that far, whatever the step.
+        ("a ball on a box", &[BOX, BALL], 0.004, 1e-7),
     ] {
         let low = normal * height + aside * 0.01;
         let high = normal * (3.0 * height) + aside * (0.01 + shift);

@@ -154,7 +154,10 @@ impl Pair {
         };
         setup.grains[1].position.x = 10.0;
         let library = setup.scene(1).library;
-        let shapes = [library.shapes[0].clone(), library.shapes[library.shapes.len() - 1].clone()];
+        let shapes = names.map(|name| {
+            let index = library.names.iter().position(|of| of == name).expect("the scene has it");
+            library.shapes[index].clone()
+        });
         Self { names, shapes, text: setup.text }
     }
 

@@ -250,7 +250,7 @@ fn flips(effort: Effort) -> Case {
 }
 
 /// Half the period of the angular velocity of a free body with moments a < b < c (Landau and Lifshitz 1, section 37).
-fn half_period(inertia: &Vec3, omega: &Vec3) -> f64 {
+pub(crate) fn half_period(inertia: &Vec3, omega: &Vec3) -> f64 {
     let [mut a, b, mut c] = [inertia.x, inertia.y, inertia.z];
     let twice_energy = inertia.component_mul(omega).dot(omega);
     let momentum_squared = inertia.component_mul(omega).norm_squared();

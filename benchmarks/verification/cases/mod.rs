@@ -25,6 +25,7 @@ pub(crate) mod shear;
 pub(crate) mod steps;
 pub(crate) mod sticking;
 pub(crate) mod unequal;
+pub(crate) mod unions;
 mod ways;
 
 pub(crate) use ball::{Ball, Throw};
@@ -237,7 +238,7 @@ pub(crate) fn parse_reference(name: &str) -> serde_json::Value {
 pub(crate) type Source = (&'static str, fn(Effort) -> Findings);
 
 /// All sources, in the order of the table.
-pub(crate) fn sources() -> [Source; 19] {
+pub(crate) fn sources() -> [Source; 20] {
     [
         ("mfix", mfix::run),
         ("lammps", lammps::run),
@@ -253,6 +254,7 @@ pub(crate) fn sources() -> [Source; 19] {
         ("arch", arch::run),
         ("dominoes", dominoes::run),
         ("unequal", unequal::run),
+        ("unions", unions::run),
         ("packing", packing::run),
         ("shear", shear::run),
         ("steps", steps::run),

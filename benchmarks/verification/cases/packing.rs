@@ -240,7 +240,7 @@ fn jamming(effort: Effort, findings: &mut Findings) {
 }
 
 /// Random places in a periodic box that are so far apart [m] at least, one after the other.
-fn apart(count: usize, side: f64, distance: f64, random: &mut Random) -> Vec<Vec3> {
+pub(super) fn apart(count: usize, side: f64, distance: f64, random: &mut Random) -> Vec<Vec3> {
     let mut places: Vec<Vec3> = Vec::new();
     while places.len() < count {
         let place = Vec3::from_fn(|_, _| side * random.unit());
@@ -256,7 +256,7 @@ fn apart(count: usize, side: f64, distance: f64, random: &mut Random) -> Vec<Vec
 }
 
 /// Where the line through the last two points is zero.
-fn vanishing(points: &[(f64, f64)]) -> Option<f64> {
+pub(super) fn vanishing(points: &[(f64, f64)]) -> Option<f64> {
     let [(a, p), (b, q)] = points.last_chunk::<2>()?;
     Some(b - q * (a - b) / (p - q))
 }

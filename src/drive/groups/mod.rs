@@ -280,19 +280,13 @@ impl Stride {
         let kind = &library.shapes[shape[slot].index()];
         orientation.set(slot, quaternion, kind, scale);
         let local = quaternion.inverse_transform_vector(&turning);
-        let momentum = quaternion * inertia.component_mul(&local);
-        spin.angular_momentum[slot] = momentum;
+        spin.angular_momentum[slot] = quaternion * inertia.component_mul(&local);
         if kind.kind() != Kind::Sphere {
             let angle = turning.norm() * self.dt;
             travel[slot] += library.radius[shape[slot].index()] * scale * angle;
             if angle > farthest.turned.0 {
                 farthest.turned = (angle, slot);
             }
-        }
-        // As a new owner finds it again.
-        let turning = particles.angular_velocity_for(slot, &momentum);
-        if let Some(spin) = &mut particles.spin {
-            spin.angular_velocity[slot] = turning;
         }
     }
 }

@@ -32,6 +32,11 @@ pub fn carry(particles: &mut Particles, field: &Field, dt: f64, reach: f64) {
         let listed = &mut particles.listed_at[slot];
         *listed = low + stretch.places * (*listed - low);
     }
+    // Of ghosts only the way beside the flow counts, once their places of now come.
+    for slot in particles.owned..particles.owned + particles.ghosts {
+        let from = particles.position[slot] - low;
+        particles.position[slot] = low + stretch.places * from;
+    }
     let nearer = (stretch.places - one).norm() * reach * (1.0 + 1e-9);
     let way = 0.5 * nearer + particles.cell.rounding_of_images();
     let bodies = particles.first_facet();

@@ -32,7 +32,13 @@ pub fn foresee(particles: &mut Particles, field: &Field, dt: f64) {
             if !(any_held && particles.is_held(slot)) {
                 let before = particles.angular_momentum(slot);
                 let after = kick.after(&before, &spin.torque[slot].vector, 1.0);
-                let turned = particles.angular_velocity_for(slot, &(after - before));
+                let mut kicked = after - before;
+                if particles.needs.orientation {
+                    // Euler's torque: angular velocities of bodies that are no spheres change by themselves.
+                    let turning = particles.angular_velocity_for(slot, &before);
+                    kicked -= turning.cross(&before) * kick.half;
+                }
+                let turned = particles.angular_velocity_for(slot, &kicked);
                 *gain = *gain * (1.0 - WEIGHT) + turned * WEIGHT;
             }
         }

@@ -18,6 +18,7 @@ use crate::contact::{
 use crate::ids::{ShapeId, Slot};
 use crate::math::{Mat3, Quat, Vec3};
 use crate::random::Random;
+use crate::shape::union::Piece;
 use crate::shape::{Form, Kind, Shape};
 use std::collections::BTreeMap;
 use std::hint::black_box;
@@ -32,6 +33,19 @@ pub struct Body {
     pub centre: Vec3,
     /// From its own axes to the world.
     pub rotation: Quat,
+}
+
+impl Body {
+    /// The pieces of a union, in place; of any other body itself.
+    fn pieces(&self) -> Vec<Self> {
+        let Shape::Union(union) = &self.shape else { return vec![self.clone()] };
+        let place = |piece: &Piece| Self {
+            shape: piece.shape.clone(),
+            centre: self.centre + self.rotation * piece.centre,
+            rotation: self.rotation * piece.rotation,
+        };
+        union.pieces().iter().map(place).collect()
+    }
 }
 
 /// Any number of pairs, each with two bodies of its own, in the columns that resolvers read.
@@ -126,6 +140,28 @@ impl Pairs {
         })
     }
 
+    /// Is one of the bodies of a pair a union?
+    pub fn has_union(&self, pair: usize) -> bool {
+        let (a, b) = self.kinds(pair);
+        [a, b].contains(&Kind::Union)
+    }
+
+    /// Each piece of A beside each of B, if one of them is a union.
+    fn in_pieces(&self, pair: usize) -> Option<Self> {
+        if !self.has_union(pair) {
+            return None;
+        }
+        let [of_a, of_b] = self.bodies_of(pair).map(|body| body.pieces());
+        let mut pairs = Self::default();
+        for a in &of_a {
+            for b in &of_b {
+                let pushed = pairs.push(String::new(), a.clone(), b.clone());
+                pushed.expect("a body has few pieces");
+            }
+        }
+        Some(pairs)
+    }
+
     /// The centre of A [m].
     pub fn centre_of_a(&self, pair: usize) -> Vec3 {
         self.position[self.slots[pair].a.index()]
@@ -151,7 +187,20 @@ impl Pairs {
     }
 }
 
+/// A contact of two bodies of which one is a union, in one of the places where they touch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Place {
+    /// Overlap, normal, and point seen from the centre of A.
+    pub touch: Touch,
+    /// For a stiffness of 1 N/m: force of A on B [N], its moment about the centre of A [N m] and energy [J].
+    pub acting: [f64; 7],
+    /// The same by the law of a scene.
+    pub by_law: Option<[f64; 7]>,
+}
+
 /// What a method says of a pair.
+///
+/// Of unions this is the pair of their pieces that overlaps the most, or is the nearest; who knows contacts of bodies adds the places.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
     /// The touch; of bodies that are apart, their nearest points, with the overlap negative (see
@@ -163,6 +212,8 @@ pub struct Answer {
     pub stage: &'static str,
     /// How many directions all stages tried together, see [`directions_tried`].
     pub iterations: u64,
+    /// Of unions the contact in each place; none of others, and where nothing touches.
+    pub places: Vec<Place>,
 }
 
 /// A touch whose overlap is negative for bodies that are apart.
@@ -201,6 +252,9 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
     let table = table(method, &Kind::ALL);
     let mut found = Found::default();
     let one = |index: usize| {
+        if let Some(pieces) = pairs.in_pieces(index) {
+            return deepest(&pieces, &resolve(&pieces, method), &pairs.centre_of_a(index));
+        }
         let resolver = serving(&table, pairs.kinds(index));
         found.clear();
         found.tally = Tally::default();
@@ -231,9 +285,24 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
             touch,
             touching: matches!(outcome, Outcome::Touching(_)),
             iterations,
+            places: Vec::new(),
         }
     };
     (0..pairs.len()).map(one).collect()
+}
+
+/// The answer of the pair of pieces that overlaps the most, seen from the centre of A; none if there is one without.
+fn deepest(pieces: &Pairs, answers: &[Answer], centre_of_a: &Vec3) -> Answer {
+    let overlap = |answer: &Answer| answer.touch.map_or(f64::INFINITY, |touch| touch.overlap);
+    let all = answers.iter().enumerate();
+    let deepest = all.max_by(|(_, one), (_, other)| overlap(one).total_cmp(&overlap(other)));
+    let (index, answer) = deepest.expect("a body has a piece");
+    let from = pieces.centre_of_a(index) - centre_of_a;
+    Answer {
+        touch: answer.touch.map(|touch| Touch { point: touch.point + from, ..touch }),
+        iterations: answers.iter().map(|answer| answer.iterations).sum(),
+        ..answer.clone()
+    }
 }
 
 /// Nanoseconds that a pair takes: the mean over blocks of pairs, of each the median over the repeats, so that
@@ -257,11 +326,11 @@ const SHORTEST: Duration = Duration::from_micros(50);
 const PERTURBATION: f64 = 1e-4;
 
 /// How long a method takes over pairs of which `answers` are known, with `repeats` measurements of each
-/// block. No time is spent on clearances.
+/// block. No time is spent on clearances. Pairs with unions are left out.
 pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) -> Timing {
     let table = table(method, &Kind::ALL);
     let mut groups: BTreeMap<(Kind, Kind), Vec<u32>> = BTreeMap::new();
-    for pair in 0..pairs.len() {
+    for pair in (0..pairs.len()).filter(|&pair| !pairs.has_union(pair)) {
         groups.entry(pairs.kinds(pair)).or_default().push(pair as u32);
     }
     let geometry: Vec<Geometry> =
@@ -274,7 +343,7 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
             let resolver = serving(&table, *kinds);
             seconds += group.chunks(BLOCK).map(|block| taken(resolver, block)).sum::<f64>();
         }
-        1e9 * seconds / pairs.len() as f64
+        1e9 * seconds / groups.values().map(Vec::len).sum::<usize>() as f64
     };
     let one_by_one = |warm: bool| {
         mean(&mut |resolver, block| {

@@ -6,16 +6,21 @@
 //! | sphere | JSON | `id`, `rA`, `rB`, `cA`, `cB` |
 //! | superellipsoid | JSON | `id`, `A` and `B` with `abc`, `e1`, `e2`, `c`, `q` |
 //! | polyhedron | JSON | `id`, `VA`, `FA`, `VB`, `FB` |
+//! | union | JSON | `id`, `UA` and `UB`, lists of pieces, each a ball `r`, `c`, a superellipsoid `abc`, `e1`, `e2`, `c`, `q`, or a polyhedron `V` |
 //!
 //! Lengths in metres; quaternions (w, x, y, z) from the body to the world, of any length but zero. Other columns
-//! are passed over. Superellipsoids with `e1 = e2 = 1` are ellipsoids; a polyhedron is the hull of its corners.
+//! are passed over. One piece is a body by itself: a union may meet any other body. Superellipsoids with `e1 = e2 = 1` are ellipsoids; a polyhedron is the hull of its corners.
 //!
 //! To add a kind, give its rows an arm in `json_row`.
 
 use super::{Body, Pairs};
 use crate::math::{Quat, Vec3};
+use crate::shape::moments::Placement;
 use crate::shape::polyhedron::corners_only;
-use crate::shape::{Ellipsoid, LENGTHS, Polyhedron, Shape, Sphere, Superellipsoid};
+use crate::shape::union::Piece;
+use crate::shape::{
+    Convex as _, Ellipsoid, LENGTHS, Polyhedron, Shape, Sphere, Superellipsoid, Union,
+};
 use crate::text::shown;
 use nalgebra::Quaternion;
 use serde_json::Value;
@@ -124,26 +129,35 @@ fn json_row(text: &str) -> Result<Row, String> {
         pair(superellipsoid_of)
     } else if row.get("VA").is_some() {
         pair(polyhedron_of)
+    } else if row.get("UA").is_some() {
+        pair(union_of)
     } else {
-        Err("of no known kind: there is none of `rA` (sphere), `A` (superellipsoid), `VA` (polyhedron)"
-            .into())
+        Err("of no known kind: there is none of `rA` (sphere), `A` (superellipsoid), `VA` (polyhedron), `UA` (union)".into())
     }
 }
 
 fn sphere_of(row: &Value, which: &str) -> Result<Body, String> {
-    let (column, centre) = (format!("r{which}"), format!("c{which}"));
-    let radius = one_number(&row[&column], &column)?;
-    length_check(&column, radius)?;
+    let columns = [format!("r{which}"), format!("c{which}")];
+    sphere(columns.each_ref().map(|column| &row[column]), &columns)
+}
+
+/// Of radius and centre, with the names of their columns.
+fn sphere(values: [&Value; 2], columns: &[String; 2]) -> Result<Body, String> {
+    let radius = one_number(values[0], &columns[0])?;
+    length_check(&columns[0], radius)?;
     Ok(Body {
         shape: Shape::Sphere(Sphere { radius }),
-        centre: Vec3::from(numbers(&row[&centre], &centre)?),
+        centre: Vec3::from(numbers(values[1], &columns[1])?),
         rotation: Quat::identity(),
     })
 }
 
 fn superellipsoid_of(row: &Value, which: &str) -> Result<Body, String> {
+    superellipsoid(&row[which], which)
+}
+
+fn superellipsoid(body: &Value, which: &str) -> Result<Body, String> {
     let column = |name: &str| format!("{which}.{name}");
-    let body = &row[which];
     let axes: [f64; 3] = numbers(&body["abc"], &column("abc"))?;
     for length in axes {
         length_check(&column("abc"), length)?;
@@ -172,15 +186,52 @@ fn superellipsoid_of(row: &Value, which: &str) -> Result<Body, String> {
 /// The corners stand in the world: the body is placed where its centre of mass and principal axes are.
 fn polyhedron_of(row: &Value, which: &str) -> Result<Body, String> {
     let column = format!("V{which}");
-    let corners = row[&column].as_array().ok_or_else(|| format!("{column} is not a list"))?;
+    polyhedron(&row[&column], &column)
+}
+
+fn polyhedron(corners: &Value, column: &str) -> Result<Body, String> {
+    let corners = corners.as_array().ok_or_else(|| format!("{column} is not a list"))?;
     let corners: Vec<Vec3> = corners
         .iter()
-        .map(|corner| numbers(corner, &column).map(Vec3::from))
+        .map(|corner| numbers(corner, column).map(Vec3::from))
         .collect::<Result<_, _>>()?;
     let solid = corners_only(&corners).and_then(|()| Polyhedron::new(&corners));
     let solid = solid.map_err(|error| format!("{column}: {error}"))?;
     let (centre, rotation) = (solid.placement().centre, solid.placement().axes);
     Ok(Body { shape: Shape::Polyhedron(Box::new(solid)), centre, rotation })
+}
+
+/// Pieces stand in the world, as corners of polyhedra do.
+fn union_of(row: &Value, which: &str) -> Result<Body, String> {
+    let column = format!("U{which}");
+    let pieces = row[&column].as_array().ok_or_else(|| format!("{column} is not a list"))?;
+    let piece = |(number, piece): (usize, &Value)| {
+        let name = format!("{column}[{number}]");
+        let own = |key: &str| format!("{name}.{key}");
+        if piece.get("r").is_some() {
+            sphere([&piece["r"], &piece["c"]], &[own("r"), own("c")])
+        } else if piece.get("abc").is_some() {
+            superellipsoid(piece, &name)
+        } else if piece.get("V").is_some() {
+            polyhedron(&piece["V"], &own("V"))
+        } else {
+            Err(format!(
+                "{name} is no piece: there is none of `r` (ball), `abc` (superellipsoid), `V` (polyhedron)"
+            ))
+        }
+    };
+    let mut bodies = pieces.iter().enumerate().map(piece).collect::<Result<Vec<_>, _>>()?;
+    if bodies.len() == 1 {
+        return Ok(bodies.remove(0));
+    }
+    let pieces = bodies.into_iter().map(|Body { shape, centre, rotation }| Piece {
+        shape,
+        centre,
+        rotation,
+    });
+    let union = Union::new(pieces.collect()).map_err(|error| format!("{column}: {error}"))?;
+    let Placement { centre, axes } = *union.placement().expect("a union has axes");
+    Ok(Body { shape: Shape::Union(Box::new(union)), centre, rotation: axes })
 }
 
 fn numbers<const N: usize>(value: &Value, column: &str) -> Result<[f64; N], String> {

@@ -1,6 +1,6 @@
 //! Pairs and answers as CSV. Numbers have as many digits as it takes to read the same bits back.
 
-use super::{Answer, Pairs};
+use super::{Answer, Pairs, Place};
 use crate::contact::thickness;
 use crate::math::Vec3;
 use std::io::Write;
@@ -71,6 +71,9 @@ pub fn pairs(pairs: &Pairs, to: impl Write) -> Result<(), csv::Error> {
 /// none, or do not touch: [`thickness`], and for a stiffness of 1 N/m force [N] and moment [N m] of A on B about the centre of A, and energy [J].
 /// `by_law` are the numbers of [`LAW_COLUMNS`] of each pair.
 ///
+/// A pair with a union has a row for each place where its bodies touch ([`Answer::places`]). Its overlap stands in `thickness`, too, and PA
+/// and PB lie half of it before and behind C. The solver is `pieces`, and iterations are those of the deepest pieces.
+///
 /// # Errors
 /// If it cannot be written.
 pub fn answers(
@@ -83,13 +86,24 @@ pub fn answers(
     let of_law = if by_law.is_some() { &LAW_COLUMNS[..] } else { &[] };
     table.write_record(ANSWER_COLUMNS.iter().chain(of_law))?;
     for (index, answer) in answers.iter().enumerate() {
+        for place in &answer.places {
+            table.write_record(of_place(pairs, index, answer, place))?;
+        }
+        if !answer.places.is_empty() {
+            continue;
+        }
         let numbers = match &answer.touch {
             Err(_) => vec![String::new(); 13],
             Ok(touch) => {
                 let (a, b, r) = pairs.posed(index);
                 let centre = pairs.centre_of_a(index);
-                let on_a = centre + a.support(&touch.normal);
-                let on_b = centre + (b.support(&-touch.normal) + r);
+                let [on_a, on_b] = if pairs.has_union(index) {
+                    let half = touch.normal * (0.5 * touch.overlap);
+                    [centre + touch.point + half, centre + touch.point - half]
+                } else {
+                    let on_b = centre + (b.support(&-touch.normal) + r);
+                    [centre + a.support(&touch.normal), on_b]
+                };
                 let vectors: [Vec3; 4] = [touch.normal, on_a, on_b, centre + touch.point];
                 let numbers = vectors.iter().flatten();
                 std::iter::once(&touch.overlap).chain(numbers).map(|x| format!("{x:?}")).collect()
@@ -108,8 +122,24 @@ pub fn answers(
     Ok(table.flush()?)
 }
 
+/// The row of one of the places where two bodies touch.
+fn of_place(pairs: &Pairs, index: usize, answer: &Answer, place: &Place) -> Vec<String> {
+    let Place { touch, acting, by_law } = place;
+    let (point, half) = (pairs.centre_of_a(index) + touch.point, 0.5 * touch.overlap);
+    let vectors = [touch.normal, point + touch.normal * half, point - touch.normal * half, point];
+    let text = |x: &f64| format!("{x:?}");
+    let mut row = vec![pairs.name(index).to_owned(), text(&touch.overlap)];
+    row.extend(vectors.iter().flatten().map(text));
+    row.extend(["pieces".to_owned(), answer.iterations.to_string(), text(&touch.overlap)]);
+    row.extend(acting.iter().chain(by_law.iter().flatten()).map(text));
+    row
+}
+
 /// What a pair with faces or straight sides shares.
 fn on_faces(pairs: &Pairs, index: usize) -> Vec<String> {
+    if pairs.has_union(index) {
+        return vec![String::new(); 8];
+    }
     let (a, b, r) = pairs.posed(index);
     let Some(found) = thickness(&a, &b, &r) else { return vec![String::new(); 8] };
     let (force, moment) = (found.force(), found.moment());

@@ -28,8 +28,8 @@ use records::Particle;
 pub struct Spin {
     /// World axes [kg m²/s]. Length: owned, or none if all are spheres.
     pub angular_momentum: Vec<Vec3>,
-    /// World axes, as laws need it [rad/s]. Of spheres alone it is the state; of others it is that before the second
-    /// kick, see [`Particles::angular_velocity`]. Length: all slots.
+    /// World axes, as laws need it [rad/s]. Of spheres alone it is the state; of others it is that of the last turn, before the
+    /// second kick, see [`Particles::angular_velocity`]. Length: all slots.
     pub angular_velocity: Vec<Vec3>,
     /// World axes [N m], and a zero: four numbers are added at once. Length: owned.
     pub torque: Vec<Vec3AndNumber>,
@@ -404,6 +404,17 @@ impl Particles {
             }
             spin.angular_velocity.push(angular_velocity);
             spin.torque.push((*torque).into());
+        }
+    }
+
+    /// Appends an owned particle that another rank has turned in this step: as it turned there.
+    ///
+    /// # Panics
+    /// As [`Particles::push_owned`].
+    pub fn adopt(&mut self, particle: &Particle) {
+        self.push_owned(particle);
+        if let Some(spin) = &mut self.spin {
+            spin.angular_velocity[self.owned - 1] = particle.angular_velocity;
         }
     }
 

@@ -27,8 +27,8 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// Is a point in it?
-    fn contains(&self, point: &Vec3) -> bool {
+    /// Is a point, in the axes of the body, in it?
+    pub fn contains(&self, point: &Vec3) -> bool {
         self.shape.contains(&self.rotation.inverse_transform_vector(&(point - self.centre)))
     }
 
@@ -88,6 +88,9 @@ struct Stored {
     error: f64,
     /// See [`Union::far`].
     far: f64,
+    /// See [`Union::asked`].
+    #[serde(default)]
+    asked: u32,
     /// See [`Union::oneness`], row by row.
     oneness: Vec<f64>,
 }
@@ -183,6 +186,7 @@ impl Union {
             placement,
             error,
             far: 0.0,
+            asked: 0,
             oneness,
         })
     }
@@ -201,6 +205,18 @@ impl Union {
     /// How far pieces are from the surface for which they stand, at most [m]; 0 if there is none.
     pub const fn far(&self) -> f64 {
         self.0.far
+    }
+
+    /// Into how many pieces at most the mesh was to be cut for which it stands; 0 if there is none.
+    pub const fn asked(&self) -> u32 {
+        self.0.asked
+    }
+
+    /// The same, of a mesh that was to be cut into so many pieces at most.
+    #[must_use]
+    pub const fn of_at_most(mut self, asked: u32) -> Self {
+        self.0.asked = asked;
+        self
     }
 
     /// How far pieces with faces are from a surface, given in the axes of the file, at most, at the corners, the middles of sides and the middles of its

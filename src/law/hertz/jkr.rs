@@ -229,7 +229,7 @@ impl About for Jkr {
     fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
         let elastic = self.hertz.settings.interactions.of(body.material, other);
         let radius = self.radius_on_plane(body, other, self.hertz.settings.largest_overlap);
-        self.hertz.settings.dashpots.in_packings(super::hardest(elastic, radius, reduced_mass))
+        self.hertz.settings.dashpots.in_packings(super::hardest(&elastic, radius, reduced_mass))
     }
 
     /// Stiffness goes with the contact radius, which adhesion gives before there is any overlap.
@@ -249,7 +249,7 @@ impl About for Jkr {
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
-        let dmt::Constants { surface_energy } = *self.adhesion.of(a, b);
+        let dmt::Constants { surface_energy } = self.adhesion.of(a, b);
         let elastic = self.hertz.words(a, b);
         format!("{elastic}, surface energy {surface_energy} J/m2 (adhesion of JKR)")
     }
@@ -277,7 +277,7 @@ impl Model for Jkr {
     fn constants(&self, a: &Body, b: &Body) -> Constants<f64> {
         let elastic = self.hertz.settings.interactions.of(a.material, b.material);
         Constants {
-            elastic: Elastic::of(elastic, 1.0, reduced_mass(a, b)),
+            elastic: Elastic::of(&elastic, 1.0, reduced_mass(a, b)),
             sticking: self.sticking(a, b),
         }
     }

@@ -359,7 +359,7 @@ impl About for Hertz {
         let constants = self.settings.interactions.of(body.material, other);
         let widest = self.widest[body.shape.index()] * body.scale;
         let size = widest * self.settings.largest_overlap.sqrt();
-        self.settings.dashpots.in_packings(hardest(constants, size, reduced_mass))
+        self.settings.dashpots.in_packings(hardest(&constants, size, reduced_mass))
     }
 
     fn words(&self, a: MaterialId, b: MaterialId) -> String {
@@ -432,7 +432,7 @@ impl Model for Hertz {
         let radius = |body: &Body| self.radii[body.shape.index()] * body.scale;
         let root_of_radius =
             if self.curved { 1.0 } else { (1.0 / (1.0 / radius(a) + 1.0 / radius(b))).sqrt() };
-        Elastic::of(constants, root_of_radius, reduced_mass(a, b))
+        Elastic::of(&constants, root_of_radius, reduced_mass(a, b))
     }
 
     #[inline(always)]

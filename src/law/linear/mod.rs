@@ -67,7 +67,7 @@ impl Linear {
         let damped = interactions
             .iter()
             .any(|c| c.normal_damping_ratio > 0.0 || c.tangential_damping_ratio > 0.0);
-        let frictional = interactions.iter().any(Constants::is_frictional);
+        let frictional = interactions.iter().any(|c| c.is_frictional());
         let columns = [(frictional, SPRING), (damped, NORMAL_FORCE)];
         let state = columns.into_iter().filter(|(is_in, _)| *is_in).map(|(_, c)| c).collect();
         Self { interactions, dashpots, damped, frictional, state }
@@ -235,7 +235,7 @@ impl Model for Linear {
 
     fn constants(&self, a: &Body, b: &Body) -> Springs<f64> {
         let constants = self.interactions.of(a.material, b.material);
-        let Constants { normal_stiffness, tangential_stiffness, friction, .. } = *constants;
+        let Constants { normal_stiffness, tangential_stiffness, friction, .. } = constants;
         let mass = reduced_mass(a, b);
         Springs {
             normal: normal_stiffness,

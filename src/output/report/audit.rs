@@ -14,6 +14,8 @@ pub struct Audit {
     pub audits: u64,
     /// Contacts that were resolved again.
     pub contacts: u64,
+    /// Are there unions, whose contacts are left out?
+    pub without_unions: bool,
     /// By the kinds of the two shapes.
     pub of_kinds: Vec<OfKinds>,
 }

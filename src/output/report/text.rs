@@ -278,16 +278,18 @@ impl Display for SizesOf {
 
 impl Audit {
     fn write(&self, page: &mut Page) {
+        let unions = if self.without_unions { "; contacts of unions are left out" } else { "" };
         if self.contacts == 0 {
             page.line(if self.every == 0 {
                 "audit      none: audit.every = 0".to_owned()
             } else {
-                format!("audit      no contact was resolved again: one in {} steps", self.every)
+                let every = self.every;
+                format!("audit      no contact was resolved again: one in {every} steps{unions}")
             });
             return;
         }
         page.line(format_args!(
-            "audit      {} contacts of this run resolved again, at {} of its steps; error: median, 99 of 100, largest",
+            "audit      {} contacts of this run resolved again, at {} of its steps{unions}; error: median, 99 of 100, largest",
             self.contacts, self.audits
         ));
         for of_kinds in &self.of_kinds {

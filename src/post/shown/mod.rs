@@ -1,6 +1,7 @@
 //! Pictures, curves and the page of a snapshot: what there is to look at. Numbers come from the files of [`crate::post`].
 
 pub mod draw;
+pub mod form;
 pub mod page;
 pub mod panels;
 pub mod picture;
