@@ -56,8 +56,8 @@ impl Fills<'_> {
             initial.push(self.file(&section, first_id));
         }
         for section in fill.sections("random") {
-            let first_id = initial.iter().flatten().map(Fill::count).sum();
-            initial.push(self.scattered(&section, first_id).map(Fill::Listed));
+            let scattered = self.scattered(&section, &initial);
+            initial.push(scattered.map(Fill::Listed));
         }
         if let Some(crowd) = self.crowd(&initial) {
             fill.fail(crowd);

@@ -14,17 +14,27 @@ pub fn initial(scene: &Scene) -> impl Iterator<Item = Particle> {
     scene.initial.iter().flat_map(move |fill| {
         let first = next;
         next += fill.count();
-        (0..fill.count()).map(move |k| match fill {
-            Fill::Lattice(lattice) => on_lattice(lattice, k, first + k, scene),
-            Fill::Listed(list) => listed(&list[k as usize], first + k, &scene.library),
-        })
+        of_fill(fill, first, scene.seed, &scene.library)
     })
 }
 
-fn on_lattice(lattice: &Lattice, k: u64, id: u64, scene: &Scene) -> Particle {
-    let mut random = Random::of(scene.seed, id);
+/// The particles of a fill, with ids from the first on.
+pub(super) fn of_fill<'a>(
+    fill: &'a Fill,
+    first: u64,
+    seed: u64,
+    library: &'a Library,
+) -> impl Iterator<Item = Particle> + 'a {
+    (0..fill.count()).map(move |k| match fill {
+        Fill::Lattice(lattice) => on_lattice(lattice, k, first + k, (seed, library)),
+        Fill::Listed(list) => listed(&list[k as usize], first + k, library),
+    })
+}
+
+fn on_lattice(lattice: &Lattice, k: u64, id: u64, (seed, library): (u64, &Library)) -> Particle {
+    let mut random = Random::of(seed, id);
     let shape = lattice.mix.pick(random.unit());
-    let scale = scene.library.sizes[shape.index()].draw(&mut random);
+    let scale = library.sizes[shape.index()].draw(&mut random);
     let [nx, ny, _] = lattice.count.map(u64::from);
     let place = Vec3::new((k % nx) as f64, (k / nx % ny) as f64, (k / (nx * ny)) as f64);
     let position = lattice.first + lattice.spacing.component_mul(&place);

@@ -3,8 +3,9 @@
 use super::fills::Fills;
 use super::orientations::orientations;
 use super::reader::{Given, Section};
-use super::{Listed, Mix};
+use super::{Fill, Listed, Mix, packing};
 use crate::cell::Cell;
+use crate::ids::ShapeId;
 use crate::math::Vec3;
 use crate::random::Random;
 use std::collections::HashMap;
@@ -76,8 +77,13 @@ enum Amount {
 }
 
 impl Fills<'_> {
-    /// Particles of `[[fill.random]]`, with ids from the first on: what each is follows from the seed and its id.
-    pub(super) fn scattered(&self, section: &Section, first_id: u64) -> Option<Vec<Listed>> {
+    /// Particles of `[[fill.random]]`: what each is follows from the seed and its id.
+    /// They touch none of the fills before.
+    pub(super) fn scattered(
+        &self,
+        section: &Section,
+        before: &[Option<Fill>],
+    ) -> Option<Vec<Listed>> {
         let mix = self.mix(section);
         let velocity = section.vector_or("velocity", Vec3::zeros());
         let orientations = orientations(section);
@@ -106,7 +112,17 @@ impl Fills<'_> {
             return None;
         }
         let library = &self.shapes.library;
-        let mut balls = Balls::new(domain, self.shapes.largest_radius(&mix));
+        let radius = |shape: ShapeId, scale: f64| library.radius[shape.index()] * scale;
+        let mut first_id = 0;
+        let mut there = Vec::new();
+        for fill in before.iter().flatten() {
+            let particles = packing::of_fill(fill, first_id, self.seed, library);
+            there.extend(particles.map(|one| (one.position, radius(one.shape, one.scale))));
+            first_id += fill.count();
+        }
+        let largest = there.iter().map(|&(_, radius)| radius);
+        let mut balls = Balls::new(domain, largest.fold(library.largest_radius(), f64::max));
+        there.into_iter().for_each(|(place, radius)| balls.add(place, radius));
         let mut rows = Vec::new();
         let mut volume = 0.0;
         loop {
@@ -121,7 +137,7 @@ impl Fills<'_> {
             let shape = mix.pick(random.unit());
             let scale = library.sizes[shape.index()].draw(&mut random);
             let quaternion = orientations.draw(&mut random);
-            let radius = library.radius[shape.index()] * scale;
+            let radius = radius(shape, scale);
             let Some(position) = place(&balls, [low, high], radius, &mut random) else {
                 section.fail(full(rows.len(), &mix));
                 return None;

@@ -983,7 +983,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "no insertion: no rain, no inlet",
         "no work of walls: none moves",
         "not in snapshots: scale, group, quaternion, angular_velocity, torque, dissipated_by_tangential_dashpots, dissipated_by_friction, dissipated_by_turning, \
-         dissipated_by_damping, dissipated_by_adhesion, image, angular_momentum",
+         dissipated_by_damping, dissipated_by_adhesion, velocity_ahead, angular_velocity_ahead, image, angular_momentum",
         "no walls on these sides of the domain: -x, +x, -y, +y, -z, +z",
         &bytes,
         "24 bytes in the message of each step",

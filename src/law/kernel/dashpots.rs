@@ -15,9 +15,9 @@
 //! A contact begins between two steps. Its first force acts from then on until half a step after the positions: for `s + 1/2` of a step,
 //! so the dashpot counts as much.
 
+use super::super::{Dashpots, Hardest};
 use super::Contact;
 use crate::lanes::{Lanes, Triple};
-use crate::{Dashpots, Hardest};
 
 /// Acceleration of two surfaces in the plane over the force between them and `1/m`, of spheres [-].
 const IN_PLANE: f64 = 3.5;
