@@ -21,7 +21,7 @@ struct Balls<'a> {
     cells: [Option<i64>; 3],
     in_cell: HashMap<[i64; 3], Vec<usize>>,
     /// Centres and radii [m].
-    balls: Vec<(Vec3, f64)>,
+    placed: Vec<(Vec3, f64)>,
 }
 
 impl<'a> Balls<'a> {
@@ -34,7 +34,7 @@ impl<'a> Balls<'a> {
         });
         let width =
             Vec3::from_fn(|axis, _| cells[axis].map_or(least, |count| sides[axis] / count as f64));
-        Self { domain, width, cells, in_cell: HashMap::new(), balls: Vec::new() }
+        Self { domain, width, cells, in_cell: HashMap::new(), placed: Vec::new() }
     }
 
     /// The cell of a place.
@@ -50,7 +50,7 @@ impl<'a> Balls<'a> {
     fn has_room(&self, place: &Vec3, radius: f64) -> bool {
         let cell = self.cell(place);
         let apart = |&other: &usize| {
-            let (centre, of_other) = self.balls[other];
+            let (centre, of_other) = self.placed[other];
             self.domain.nearest(place - centre).norm() > radius + of_other
         };
         (0..27).all(|k: i64| {
@@ -63,8 +63,8 @@ impl<'a> Balls<'a> {
     }
 
     fn add(&mut self, place: Vec3, radius: f64) {
-        self.in_cell.entry(self.cell(&place)).or_default().push(self.balls.len());
-        self.balls.push((place, radius));
+        self.in_cell.entry(self.cell(&place)).or_default().push(self.placed.len());
+        self.placed.push((place, radius));
     }
 }
 
@@ -122,7 +122,9 @@ impl Fills<'_> {
         }
         let largest = there.iter().map(|&(_, radius)| radius);
         let mut balls = Balls::new(domain, largest.fold(library.largest_radius(), f64::max));
-        there.into_iter().for_each(|(place, radius)| balls.add(place, radius));
+        for (place, radius) in there {
+            balls.add(place, radius);
+        }
         let mut rows = Vec::new();
         let mut volume = 0.0;
         loop {

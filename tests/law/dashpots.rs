@@ -79,7 +79,7 @@ fn a_ball_leaves_with_its_restitution() {
             println!("{name} e = {restitution}, worst phase: {worst:?}");
             assert!(worst[0] < 6e-3 && worst[1] < worst[0] / 5.0, "{name}: {worst:?}");
             // Hertz' dashpot rises at once where a contact begins, which no step before foresees.
-            let (most, times) = if name == "linear" { (most, 40.0) } else { (2.0 * most, 20.0) };
+            let (most, times) = if name == "linear" { (most, 40.0) } else { (2.5 * most, 20.0) };
             assert!(found[0].abs() < most && found[3].abs() < most / times, "{name}: {found:?}");
             // Where two parts of an error cancel it need not fall evenly.
             let is_even = name == "linear";

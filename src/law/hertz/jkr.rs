@@ -348,7 +348,7 @@ impl Model for Jkr {
         if self.hertz.damped {
             let dashpot = elastic.dashpots[0] * radius.sqrt();
             let last = self.hertz.settings.dashpots.last(state[width - 2]);
-            press = contact.damped(press, dashpot, elastic.inverse_mass, last);
+            press = contact.damped(press, (dashpot, 0.0), elastic.inverse_mass, last);
         }
         let (mut spring, mut rub, mut kept) = (zero, zero, Kept::all());
         let frictional = elastic.frictional();

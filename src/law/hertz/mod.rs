@@ -114,6 +114,9 @@ const NORMAL_FORCE: StateColumn = StateColumn::new("normal_force", 1, "N");
 /// Radius `a` of the last touch, with `dN/dδ = 2 E* a`: where the curvature of bodies is not that of spheres.
 const CONTACT_RADIUS: StateColumn = StateColumn::new("contact_radius", 1, "m");
 
+/// Dashpots grow with this power of the overlap.
+const RISE: f64 = 0.25;
+
 /// `2 √(5/6)`.
 fn dashpot_factor() -> f64 {
     2.0 * (5.0_f64 / 6.0).sqrt()
@@ -240,7 +243,7 @@ impl Hertz {
         if self.damped {
             let dashpot = elastic.dashpots[0] * root.sqrt();
             let last = self.settings.dashpots.last(self.pressed(state));
-            force = contact.damped(force, dashpot, elastic.inverse_mass, last);
+            force = contact.damped(force, (dashpot, RISE), elastic.inverse_mass, last);
             if self.settings.dashpots.limited {
                 let zero = L::all(0.0);
                 force = zero.or(force, force.less(zero));
@@ -277,7 +280,7 @@ impl Hertz {
         if self.damped {
             let of_plane = elastic.dashpots[1] * root.sqrt();
             let last = self.settings.dashpots.last_in_plane(last_force, contact);
-            let in_plane = InPlane::of(contact, of_plane, elastic.inverse_mass, last);
+            let in_plane = InPlane::of(contact, (of_plane, RISE), elastic.inverse_mass, last);
             force = in_plane.beside(spring);
             dashpot = Some(in_plane);
         }

@@ -1,7 +1,7 @@
 //! Dashpots that foresee.
 //!
 //! Forces belong to positions, and velocities `v` are those of half a step `h` before: a dashpot `c` that feels them is of first order in
-//! the step. By choice it feels what `v` is foreseen to be at the positions, `v + e` ([`crate::motion::ahead`]). In `e` the contact's own
+//! the step. By choice it feels what `v` is foreseen to be at the positions, `v + e` ([`dem_grains::motion::ahead`]). In `e` the contact's own
 //! force `F` is that of earlier steps. It goes out for the force of now, which is solved for:
 //!
 //! `F = k δ + c (v + e + r F' - r F)`, `r = h/m`,
@@ -12,8 +12,8 @@
 //! With the part `s` of what resists a motion in each contact's own force, the stable step has `ω² Δt² + (3.1 - 4 s) γ Δt <= 4`. Where forces
 //! feel the velocity of half a step before it has `ω² Δt² + 2 γ Δt <= 4`.
 //!
-//! A contact begins between two steps. Its first force acts from then on until half a step after the positions: for `s + 1/2` of a step,
-//! so the dashpot counts as much.
+//! A contact begins between two steps. Its first force acts from then on until half a step after the positions: for `s + 1/2` of a step.
+//! A dashpot that has grown with the power `p` of the time counts `s/(1 + p) + 1/2`.
 
 use super::super::{Dashpots, Hardest};
 use super::Contact;
@@ -55,22 +55,28 @@ impl<L: Lanes> Contact<L> {
         L::all(0.5 * self.dt) * inverse_mass
     }
 
-    /// A dashpot as it counts where contacts have begun since the last step [N s/m].
+    /// A dashpot as it counts where contacts have begun since the last step [N s/m], where it grows with this power of the overlap.
     #[inline(always)]
-    fn timely(&self, dashpot: L) -> L {
+    fn timely(&self, dashpot: L, power: f64) -> L {
         if self.begun == 0 {
             return dashpot;
         }
-        let weight = L::all(0.5) + self.lasted * L::all(1.0 / self.dt);
+        let weight = L::all(0.5) + self.lasted * L::all(1.0 / (self.dt * (1.0 + power)));
         (dashpot * weight).or(dashpot, self.begun)
     }
 
     /// The force along the normal [N] of a spring with the force `elastic` [N] and a dashpot [N s/m]. Where velocities are foreseen `last`
-    /// is the force of the last step [N]. `inverse_mass` is that of both bodies [1/kg].
+    /// is the force of the last step [N]. `inverse_mass` is that of both bodies [1/kg]. The dashpot grows with a power of the overlap.
     #[inline(always)]
-    pub fn damped(&self, elastic: L, dashpot: L, inverse_mass: L, last: Option<L>) -> L {
+    pub fn damped(
+        &self,
+        elastic: L,
+        (dashpot, power): (L, f64),
+        inverse_mass: L,
+        last: Option<L>,
+    ) -> L {
         let Some(last) = last else { return elastic + dashpot * self.approach * self.gain };
-        let (dashpot, own) = (self.timely(dashpot * self.gain), self.own(inverse_mass));
+        let (dashpot, own) = (self.timely(dashpot * self.gain, power), self.own(inverse_mass));
         let approach = self.foreseen.dot(self.normal) + own * last;
         (elastic + dashpot * approach) / (L::all(1.0) + dashpot * own)
     }
@@ -90,14 +96,19 @@ pub struct InPlane<L> {
 impl<L: Lanes> InPlane<L> {
     /// Of a contact with this last force in the plane [N], see [`Contact::damped`].
     #[inline(always)]
-    pub fn of(contact: &Contact<L>, dashpot: L, inverse_mass: L, last: Option<Triple<L>>) -> Self {
+    pub fn of(
+        contact: &Contact<L>,
+        (dashpot, power): (L, f64),
+        inverse_mass: L,
+        last: Option<Triple<L>>,
+    ) -> Self {
         let Some(last) = last else {
             return Self { dashpot, velocity: contact.sliding, own: None };
         };
         let own = contact.own(inverse_mass) * L::all(IN_PLANE);
         let foreseen = contact.foreseen.plus(last.times(own));
         let velocity = foreseen.minus(contact.normal.times(foreseen.dot(contact.normal)));
-        Self { dashpot: contact.timely(dashpot), velocity, own: Some(own) }
+        Self { dashpot: contact.timely(dashpot, power), velocity, own: Some(own) }
     }
 
     /// The force with that of a spring, without a limit [N].

@@ -122,7 +122,7 @@ impl Linear {
         let mut force = springs.normal * contact.overlap * contact.gain;
         if self.damped {
             let last = self.dashpots.last(state[state.len() - 1]);
-            force = contact.damped(force, springs.dashpots[0], springs.inverse_mass, last);
+            force = contact.damped(force, (springs.dashpots[0], 0.0), springs.inverse_mass, last);
             if self.dashpots.limited {
                 let zero = L::all(0.0);
                 force = zero.or(force, force.less(zero));
@@ -151,7 +151,8 @@ impl Linear {
         if self.damped {
             let elastic = last.times(springs.tangential);
             let last = self.dashpots.last_in_plane(elastic, contact);
-            let in_plane = InPlane::of(contact, springs.dashpots[1], springs.inverse_mass, last);
+            let in_plane =
+                InPlane::of(contact, (springs.dashpots[1], 0.0), springs.inverse_mass, last);
             force = in_plane.beside(force);
             dashpot = Some(in_plane);
         }
