@@ -23,7 +23,10 @@ mod rows;
 pub use dashpots::InPlane;
 pub use patches::Turning;
 
-use super::{About, Body, ForceLaw, Last, Lost, OnWall, PressOnWall, Separated, Sums, Work, add};
+use super::{
+    About, Body, Dashpots, ForceLaw, Hardest, Last, Lost, OnWall, PressOnWall, Separated, Sums,
+    Work, add,
+};
 use crate::contact::curvature::{self, Curvatures};
 use crate::contact::{Geometry, Pair, StateColumn, touch_of_sphere, triple, vectors};
 use crate::ids::{ShapeId, Slot};

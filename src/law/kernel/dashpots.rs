@@ -15,8 +15,7 @@
 //! A contact begins between two steps. Its first force acts from then on until half a step after the positions: for `s + 1/2` of a step.
 //! A dashpot that has grown with the power `p` of the time counts `s/(1 + p) + 1/2`.
 
-use super::super::{Dashpots, Hardest};
-use super::Contact;
+use super::{Contact, Dashpots, Hardest};
 use crate::lanes::{Lanes, Triple};
 
 /// Acceleration of two surfaces in the plane over the force between them and `1/m`, of spheres [-].
