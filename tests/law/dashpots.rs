@@ -77,13 +77,15 @@ fn a_ball_leaves_with_its_restitution() {
                 off.map(|speed| (speed - restitution).abs()).fold(0.0, f64::max)
             });
             println!("{name} e = {restitution}, worst phase: {worst:?}");
-            assert!(worst[0] < 6e-3 && worst[1] < worst[0] / 5.0, "{name}: {worst:?}");
-            // Hertz' dashpot rises at once where a contact begins, which no step before foresees.
-            let (most, times) = if name == "linear" { (most, 40.0) } else { (2.5 * most, 20.0) };
-            assert!(found[0].abs() < most && found[3].abs() < most / times, "{name}: {found:?}");
-            // Where two parts of an error cancel it need not fall evenly.
-            let is_even = name == "linear";
-            assert!(!is_even || order > 1.8, "{name}: order {order}");
+            if name == "hertz" {
+                // Hertz' dashpot rises at once where a contact begins, with the fourth root of the time: less than second order.
+                assert!(worst[0] < 3e-3 && worst[1] < worst[0] / 2.0, "{name}: {worst:?}");
+                assert!(found[0].abs() < 1e-3 && found[3].abs() < 2e-4, "{name}: {found:?}");
+                continue;
+            }
+            assert!(worst[0] < 4e-3 && worst[1] < worst[0] / 10.0, "{name}: {worst:?}");
+            assert!(found[0].abs() < most && found[3].abs() < most / 40.0, "{name}: {found:?}");
+            assert!(order > 1.8, "{name}: order {order}");
             let attracts = balls.falls("limit_damping = false", &material);
             let (found, _) = errors(&attracts, restitution, of_speed);
             println!("{name} e = {restitution}, attracting: {found:?}");
