@@ -1245,7 +1245,7 @@ struct Motion<L> {
     turning: Triple<L>,
     /// What `velocity` has more where they were half a step ago, see [`Motion::midway`] [m/s].
     midway: Triple<L>,
-    /// What `velocity` is foreseen to gain until the time of the positions [m/s]; zero of laws without dashpots, and at the start of a
+    /// Foreseen gain of `velocity` until the time of the positions [m/s]; zero of laws that do not foresee, and at the start of a
     /// stage.
     ahead: Triple<L>,
 }
@@ -1417,7 +1417,7 @@ fn velocities<L: Eight>(particles: &Particles, bodies: Gather) -> (Triple<L>, Tr
     (velocity, vectors::<L>(&spin.angular_velocity, bodies))
 }
 
-/// What the velocities of the centres of bodies [m/s] and their angular velocities [rad/s] are foreseen to gain.
+/// Foreseen gains of the velocities of the centres of bodies [m/s] and of their angular velocities [rad/s].
 #[inline(always)]
 fn gains<L: Eight>(particles: &Particles, bodies: Gather) -> (Triple<L>, Triple<L>) {
     let Ahead { velocity, angular_velocity } = &particles.ahead;

@@ -77,9 +77,9 @@ pub struct ParticleTable {
     pub angular_velocity: Vec<Vec3>,
     /// Moment at `position`, world axes [N m]. Optional, with `angular_momentum`.
     pub torque: Vec<Vec3>,
-    /// What the velocity is foreseen to gain ([`crate::motion::ahead`]) [m/s]. Optional.
+    /// Foreseen gain of the velocity ([`crate::motion::ahead`]) [m/s]. Optional.
     pub velocity_ahead: Vec<Vec3>,
-    /// The same of the angular velocity, world axes [rad/s]. Optional.
+    /// Foreseen gain of the angular velocity, world axes [rad/s]. Optional.
     pub angular_velocity_ahead: Vec<Vec3>,
 }
 

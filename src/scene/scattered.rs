@@ -77,8 +77,7 @@ enum Amount {
 }
 
 impl Fills<'_> {
-    /// Particles of `[[fill.random]]`: what each is follows from the seed and its id.
-    /// They touch none of the fills before.
+    /// Particles of `[[fill.random]]`, by the seed and their ids. They touch none of the fills before.
     pub(super) fn scattered(
         &self,
         section: &Section,

@@ -1,13 +1,13 @@
-//! What velocities are foreseen to gain until the time of the positions.
+//! Foreseen gains of velocities until the time of the positions.
 //!
 //! Forces belong to positions, and velocities are those of half a step `h` before them. A dashpot that feels these is of first
-//! order. What a velocity gains until then, `h a`, is foreseen from the steps before, with less weight the longer ago:
+//! order. The gain of a velocity until then, `h a`, is foreseen from the steps before, with less weight the longer ago:
 //!
 //! `e' = (1 - w) e + w h a`, `w = 0.7`.
 //!
 //! In a steady motion `e` is `h a`; in others it comes `1/w` steps late, so a dashpot is of second order. With `w = 1` steps would have to be
-//! shorter in packings: of a velocity that changes its sign in every step `e` is `w/(2 - w)`, 0.54 here. What the own force of a
-//! contact adds to `e` the contact knows better, see `law::kernel::dashpots`.
+//! shorter in packings: of a velocity that changes its sign in every step `e` is `w/(2 - w)`, 0.54 here. A contact
+//! knows its own part of `e` better, see `law::kernel::dashpots`.
 
 use super::{Field, Kick};
 use crate::particles::Particles;

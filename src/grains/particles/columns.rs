@@ -41,7 +41,7 @@ pub struct Needs {
     pub adhesion: bool,
     /// Numbers of groups: particles that are held or pushed.
     pub group: bool,
-    /// What velocities are foreseen to gain ([`crate::motion::ahead`]): a law with dashpots. Implies `velocity`.
+    /// Foreseen gains of velocities ([`crate::motion::ahead`]): a law whose dashpots foresee. Implies `velocity`.
     pub ahead: bool,
 }
 

@@ -35,7 +35,7 @@ pub struct Spin {
     pub torque: Vec<Vec3AndNumber>,
 }
 
-/// What velocities are foreseen to gain until the time of the positions, see [`crate::motion::ahead`]; nothing of walls. Length: all
+/// Foreseen gains of velocities until the time of the positions, see [`crate::motion::ahead`]; zero for walls. Length: all
 /// slots, or none if the scene does not need them.
 #[derive(Clone, Debug, Default)]
 pub struct Ahead {
@@ -121,7 +121,7 @@ pub struct Particles {
     /// After a step those of the time of the positions; before its second kick, and of ghosts, those of half a step
     /// before [m/s]. Length: all slots.
     pub velocity: Vec<Vec3>,
-    /// What velocities are foreseen to gain, if a law needs it.
+    /// Foreseen gains of velocities, if a law needs them.
     pub ahead: Ahead,
     /// Sum of the contact forces, gravity and damping not in it [N], and the energy that contacts lost in the last step [J]:
     /// four numbers are added at once. Length: owned.
@@ -482,7 +482,7 @@ impl Particles {
         }
     }
 
-    /// What the velocity [m/s] and the angular velocity [rad/s] of a body are foreseen to gain.
+    /// Foreseen gains of the velocity [m/s] and the angular velocity [rad/s] of a body.
     pub fn ahead_of(&self, slot: usize) -> [Vec3; 2] {
         let Ahead { velocity, angular_velocity } = &self.ahead;
         [velocity, angular_velocity].map(|column| column.get(slot).copied().unwrap_or_default())

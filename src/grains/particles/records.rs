@@ -50,7 +50,7 @@ pub struct Particle {
     pub angular_momentum: Vec3,
     /// World axes [rad/s]. Of spheres alone it is the state, and the angular momentum follows; of others the other way round.
     pub angular_velocity: Vec3,
-    /// What its velocity [m/s] and its angular velocity [rad/s] are foreseen to gain.
+    /// Foreseen gains of its velocity [m/s] and its angular velocity [rad/s].
     pub ahead: [Vec3; 2],
     /// World axes [N m].
     pub torque: Vec3,

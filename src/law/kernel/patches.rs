@@ -149,7 +149,7 @@ struct Motion {
     velocity: [Vec3; 2],
     /// [rad/s]
     spin: [Vec3; 2],
-    /// What `velocity` [m/s] and `spin` [rad/s] of each are foreseen to gain.
+    /// Foreseen gains of `velocity` [m/s] and `spin` [rad/s] of each.
     ahead: [[Vec3; 2]; 2],
     /// Of the surface of B against B in the plane of the contact, now and at the last step, if B is a belt [m/s].
     belt: [Vec3; 2],

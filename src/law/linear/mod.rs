@@ -131,9 +131,8 @@ impl Linear {
         force
     }
 
-    /// Spring, dashpot and friction in the contact plane from what was carried over of the spring, and what it was in the last step [m]: the tangential force of A on
-    /// B [N], and the spring [m]. Where
-    /// they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it. The third is what
+    /// Spring, dashpot and friction in the contact plane, from the spring as carried over and as it was in the last step [m]: the
+    /// tangential force of A on B [N], and the spring [m]. Where they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it. The third is what
     /// the limit leaves.
     #[inline(always)]
     fn rub<L: Lanes>(
