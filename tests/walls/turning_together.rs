@@ -1,5 +1,5 @@
-//! Grains that turn with walls as one body do not slide, whatever their forms and wherever they touch: in six turns nothing
-//! creeps, and friction gives no energy.
+//! Particles that rotate with walls as one body do not slide, for any shape and any contact point. In six turns nothing creeps,
+//! and friction creates no energy.
 
 use crate::support::{Bench, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};
@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 const RATE: f64 = 20.0;
 const STEP: f64 = 5e-6;
 const TURNS: u32 = 6;
-/// Half the height of a grain on its side [m].
+/// Half the height of a particle on its side [m].
 const HALF: f64 = 0.005;
 
 const BALL: &str = "kind = \"sphere\"\nradius = 0.005";
@@ -20,7 +20,8 @@ const LENTIL: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.008, 0.008, 0.005]";
 const BOX: &str = "kind = \"polyhedron\"\nedges = [0.02, 0.02, 0.01]";
 const ROD: &str = "kind = \"spherocylinder\"\nlength = 0.01\nradius = 0.005";
 
-/// Two planes turn about the z axis; grains are pinched between them along their normal, on a line beside the axis.
+/// Scene of two planes that rotate about the z axis, with particles held between them along their normal, on a line beside the
+/// axis.
 fn text(shapes: &[&str], normal: Vec3, apart: f64) -> String {
     let shapes: Vec<_> = (0..)
         .zip(shapes)
@@ -60,7 +61,7 @@ step = {:e}
     )
 }
 
-/// A grain of this shape at a place, turning about the z axis with the walls, its own z axis along `normal`.
+/// A particle of this shape at a position, rotating about the z axis with the walls, its own z axis along `normal`.
 fn turning(bench: &Bench, id: u64, shape: u16, place: Vec3, normal: &Vec3) -> Particle {
     let rate = Vec3::z() * RATE;
     let upright = UnitQuaternion::rotation_between(&Vec3::z(), normal).expect("not opposite");
@@ -75,8 +76,8 @@ fn turning(bench: &Bench, id: u64, shape: u16, place: Vec3, normal: &Vec3) -> Pa
     }
 }
 
-/// By how far grains creep against the walls between the first and the sixth turn [m], and how far the sum that friction has taken
-/// falls meanwhile, over their kinetic energy.
+/// Creep of particles against the walls between the first and the sixth turn [m], and the decrease of the booked friction loss
+/// over their kinetic energy.
 fn creep(shapes: &[&str], normal: Vec3, places: &[Vec3], apart: f64) -> (f64, f64) {
     let normal = normal.normalize();
     let scene = scene(&text(shapes, normal, apart));
@@ -119,7 +120,7 @@ fn holds(what: &str, most: f64, (way, fall): (f64, f64)) {
     assert!(fall < 3e-7, "{what}: friction has given {fall:e} of the kinetic energy");
 }
 
-/// Into each other at each contact, by 1 N [m].
+/// Overlap of each contact under 1 N [m].
 const PRESSED: f64 = 1e-4;
 
 #[test]
@@ -136,7 +137,7 @@ fn nothing_creeps_on_walls_that_turn() {
     }
 }
 
-/// One upon the other, beside the axis, which their branch is oblique to; and boxes that are shifted against each other.
+/// One particle upon the other beside the axis, with an oblique branch, and boxes shifted against each other.
 #[test]
 fn nothing_creeps_in_a_bed_that_turns() {
     let normal = Vec3::new(0.3, 0.4, 1.0).normalize();
@@ -145,10 +146,10 @@ fn nothing_creeps_in_a_bed_that_turns() {
     for (name, shapes, shift, most) in [
         ("balls", &[BALL][..], 0.0, 1e-8),
         ("lentils", &[LENTIL], 0.0, 1e-8),
-        // Of second order: with the angular velocity after the turn in place of that of the turn it would be 2e-7 and 6e-7 m.
+        // Creep of second order: the angular velocity after the rotation, in place of that during it, would give 2e-7 and 6e-7 m.
         ("boxes", &[BOX], 0.0, 1e-9),
         ("boxes aside", &[BOX], 0.008, 1e-9),
-        // It rolls that far, whatever the step.
+        // The ball rolls this far at any step.
         ("a ball on a box", &[BOX, BALL], 0.004, 1e-7),
     ] {
         let low = normal * height + aside * 0.01;
