@@ -1,4 +1,4 @@
-//! All tests in one binary, in the same folders as `src`; tests inside MPI are in `ranks`.
+//! All tests in one binary, in folders named like those of `src`; tests inside MPI are in `ranks`.
 
 mod comm;
 mod contact;

@@ -389,7 +389,7 @@ fn blocks_with_an_edge_in_common_are_two_blocks() {
                 assert!(found.is_empty(), "{k} {distance:?}");
             } else {
                 let each = [0, 1].map(|k: usize| lying.on(&blocks[k]));
-                // A box that touches both may lie on a plane of both.
+                // A box that touches both may lie on a plane of both and is left out.
                 if each.iter().any(Vec::is_empty) {
                     touching += 1;
                     let off = (sum(&found) - sum(&each.concat())).norm();

@@ -345,7 +345,7 @@ fn touch_scales() {
     let chain = chain.get((Kind::Ellipsoid, Kind::Ellipsoid)).unwrap();
     let paper = ErodedGjk { tolerance: 1e-10, ..ErodedGjk::default() };
     for row in rows(include_str!("../reference/touch_scale.csv")) {
-        // Pairs with coincident centres are missing.
+        // Pairs with coincident centres are left out.
         let Some(case) = all.get(&row["id"]) else { continue };
         let scale = row["touch_scale"].parse::<f64>().unwrap();
         if (scale - 1.0).abs() > TOUCH {

@@ -157,7 +157,7 @@ fn a_hertzian_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     }
 }
 
-/// Shapes whose curvature comes from finite differences, one by one.
+/// Shapes whose curvature is computed by finite differences, one by one.
 #[test]
 fn hertzian_superellipsoids_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
     let text = elastic_crowd(false)

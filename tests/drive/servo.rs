@@ -160,8 +160,8 @@ fn a_restart_leaves_no_trace_in_means() {
     assert_eq!(told.1, told_in_legs.1);
 }
 
-/// The wall approaches at its greatest speed until it touches. A wall that has lost its contacts accelerates, but its speed does
-/// not jump.
+/// The wall approaches at its greatest speed until it touches. A wall that has lost its contacts accelerates without a jump of its
+/// speed.
 #[test]
 fn a_wall_rushes_only_before_it_has_touched() {
     let (area, stiffness, dt) = (0.02, 3e5, 1e-4);

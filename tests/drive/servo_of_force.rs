@@ -33,7 +33,7 @@ fn square(folder: &Path, half: f64) -> PathBuf {
     file
 }
 
-/// Scene of a box of 0.5 m by 0.5 m, open above, with one more wall, its servo and a damped ball of a mass [kg].
+/// Scene of a box of 0.5 m by 0.5 m, open above, with one more wall, its servo and a damped ball [kg].
 fn in_box(mass: f64, friction: f64, damping: f64, wall: &str, servo: &str) -> String {
     let density = mass / (4.0 / 3.0 * PI * RADIUS.powi(3));
     format!(
@@ -152,8 +152,8 @@ fn a_tilted_plane_presses_a_ball_into_a_corner() {
     }
 }
 
-/// Against a ball too heavy to move, the deviation falls with the double root 1 - P/2, P = 0.7, for the stiffness along the direction. A
-/// sticking contact with equal normal and tangential stiffness has it in any direction.
+/// Against a ball too heavy to move, the deviation falls with the double root 1 - P/2, P = 0.7. The law uses the stiffness along the
+/// direction. A sticking contact with equal normal and tangential stiffness has it in any direction.
 #[test]
 fn an_oblique_wall_has_the_stiffness_along_its_way() {
     let along = Vec3::new(-1.0, 0.0, 0.0);

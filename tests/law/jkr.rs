@@ -63,12 +63,13 @@ fn lost(reduced: f64) -> f64 {
     PI * parts * (WORK.powi(5) * reduced.powi(4) / MODULUS.powi(2)).cbrt()
 }
 
-/// A moving ball that touches the floor, or a ball of another size at rest.
+/// A ball that moves onto the floor, or two balls of different size that approach with a relative speed, just before touch. Returns the
+/// simulation, the reduced radius and the reduced mass.
 fn thrown(with_floor: bool, own: &str, density: f64, speed: f64, step: f64) -> (Bench, f64, f64) {
     thrown_from(1e-12, with_floor, own, density, speed, step)
 }
 
-/// A moving ball at a gap [m] from the floor, or from a ball of another size at rest.
+/// The bodies of `thrown`, with a gap [m] between their surfaces.
 fn thrown_from(
     gap: f64,
     with_floor: bool,

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-/// A closure that is not inlined has no wide registers, see `lanes`: each of its operations is a call, which doubles the time of a step.
+/// A closure that is not inlined has no wide registers, see `lanes`. Each of its operations is a call, which doubles the time of a step.
 #[test]
 fn nothing_in_wide_registers_is_called() {
     let output = Command::new("nm").arg("--demangle").arg(env!("CARGO_BIN_EXE_dem-mpi")).output();

@@ -1,5 +1,6 @@
 //! Contacts begin and end between two steps. Their memory then covers the part of the step with contact. Rebounds have closed
-//! forms, averaged over 16 phases of the first touch, at 12.5 to 100 steps a contact (80 to 10 % of the limit).
+//! forms and are averaged over 16 phases of the first touch, at 12.5 to 100 steps a contact. This is 80 to 10 % of the stable
+//! limit.
 
 use crate::support::{Bench, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};

@@ -1,5 +1,5 @@
-//! Resistance to rolling and twisting from a scene. Tests cover closed forms of a sphere on a plane, invariance to observers and the order of
-//! ids, particles of all kinds, and the energy balance. (`rolling.rs` has a user-defined law.)
+//! Resistance to rolling and twisting from a scene: closed forms of a sphere on a plane, invariances, particles of all kinds, and the energy
+//! balance. (`rolling.rs` has a user-defined law.)
 
 use crate::support::{Bench, Frame, close, expect_refused, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};

@@ -386,7 +386,7 @@ fn a_file_cut_short_is_recognised() {
 }
 
 /// One snapshot, damaged a thousand times: truncated, with a few bits flipped, or with a range overwritten
-/// by zeros or by other parts of the file. HDF5 never reads any of it.
+/// by zeros or other data. HDF5 never reads any of it.
 #[test]
 fn a_thousand_damaged_snapshots_are_refused() {
     const SEED: u64 = 20;

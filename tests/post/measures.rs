@@ -471,7 +471,7 @@ fn cells_of_mixing_stay_where_they_are() {
     assert_eq!(cells, ["cells", "8", "8"]);
 }
 
-/// Particles that come after the first snapshot belong to neither half, and the result reports them.
+/// Particles that enter after the first snapshot belong to neither half, and the result reports them.
 #[test]
 fn mixing_says_who_is_left_out() {
     let places: Vec<Vec3> = (0..64)

@@ -17,7 +17,7 @@ fn scenes(page: &str) -> Vec<String> {
 fn completed(part: &str) -> anyhow::Result<String> {
     let mut scene: Table = fs::read_to_string("run/first/scene.toml")?.parse()?;
     let part: Table = part.parse()?;
-    // The first scene's other shapes would need its material.
+    // Shapes of a part replace those of the first scene, and the fill then uses only its `ball`.
     if part.contains_key("shape") {
         scene.insert(
             "fill".to_owned(),
@@ -39,7 +39,7 @@ fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
         for (k, block) in scenes(&fs::read_to_string(&path)?).iter().enumerate() {
             let name = format!("{}, block {k}", path.display());
             if block.contains("include =") || block.contains("like =") {
-                // The included files are missing here.
+                // The included files or the earlier stage do not exist here.
                 block.parse::<Table>().with_context(|| name)?;
                 continue;
             }

@@ -201,8 +201,8 @@ fn meshes_are_read_however_they_are_written() {
     }
 }
 
-/// A polygon of many corners is cut into triangles of which few meet in one corner, so the search for cells behind them takes only
-/// seconds.
+/// A polygon of many corners is cut into triangles of which few meet in one corner. The search for cells behind them then takes
+/// only seconds.
 #[test]
 fn polygons_may_have_many_corners() {
     let folder = folder();

@@ -52,7 +52,7 @@ fn files_below(folder: &Path, ending: &str) -> Vec<PathBuf> {
     files
 }
 
-/// Messages on the `#^` lines of a file, each below the line it is about. Those at the top are about the whole file.
+/// Messages on the `#^` lines of a file, each below the line it is about. Messages at the top are about the whole file.
 fn expected(text: &str) -> Vec<(Location, String)> {
     let mut place = Location::File;
     let mut messages = Vec::new();
@@ -855,7 +855,7 @@ const FLOWS: [&str; 2] = [
 ];
 
 /// A ball of lead has 8000 * 2^3 / 2500 times the mass of a glass ball. A size distribution multiplies the mass of glass by
-/// its mean cube. For uniform scales from a to b it is (a + b)(a^2 + b^2) / 4 by number, and 2 (a b)^2 / (a + b) by mass.
+/// its mean cube. Uniform scales from a to b by number give (a + b)(a^2 + b^2) / 4. By mass they give 2 (a b)^2 / (a + b).
 #[test]
 fn shares_by_mass_are_shares_by_number_over_mean_masses() {
     let (lead, [a, b]) = (64_000.0 / 2500.0, [0.5, 1.5_f64]);

@@ -1,4 +1,4 @@
-//! The schema of scenes rejects the same values of a single table as the reader, and no others.
+//! The schema of scenes rejects exactly the values of a single table that the reader rejects.
 
 use anyhow::{Context, Result};
 use dem_mpi::contact::ErodedGjk;

@@ -1,5 +1,4 @@
-//! A scaled particle behaves like another shape of that size: in contacts, in motion, on any number of ranks, in files and in results from
-//! them.
+//! A scaled particle behaves like another shape of that size: in contacts, in motion, on any number of ranks, in files and in results.
 
 use crate::support::{Bench, Frame, OnRanks, all_bits, begun, motion, save, scaled, scene};
 use dem_mpi::comm::alone::Alone;
@@ -562,7 +561,7 @@ const CUBE: &str =
 const SHEET: &str = "v 0.001 0.001 0.02\nv 0.015 0.001 0.02\nv 0.015 0.029 0.02\nv 0.001 0.029 0.02\nf 1 2 3\nf 1 3 4\n";
 const SHEET_WALL: &str = "[[wall]]\nname = \"sheet\"\nmesh = \"sheet.obj\"\n";
 
-/// Cells behind triangles are as deep as the largest particles of the previous stage need: a cube presses on the rim of a sheet with its side.
+/// Cells behind triangles are as deep as the largest particles of the previous stage need. A cube presses on the rim of a sheet with its side.
 #[test]
 fn walls_of_triangles_are_deep_enough_for_sizes_of_the_stage_before() {
     let folder = tempfile::tempdir().unwrap();
@@ -633,7 +632,7 @@ fn sizes_of_a_start_count_as_those_of_the_scene() {
         let mass = 2500.0 * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
         2.0 * (mass / (40.0 * 1e4)).sqrt()
     };
-    // The limit of the scene with its own list, within the limit of two of the smaller particle.
+    // Limit of the scene with its own list, between one and three times that of the smaller particle.
     let small = first.time_step_limit().unwrap().dt;
     assert!(small > limit(0.4 * 0.0011) && small < 3.0 * limit(0.4 * 0.0011));
     let second = parsed(&text(&start, "", "\"auto\"", 0.0)).unwrap();
@@ -649,7 +648,7 @@ fn sizes_of_a_start_count_as_those_of_the_scene() {
         (format!("{long:?}"), 0.0, "step = ", over.as_str()),
         ("2e-6".to_owned(), -fast, "velocity = ", "of the shortest axis of the smallest grain"),
     ] {
-        // Particles of the shape's size allow it.
+        // Particles of the shape's own size are accepted.
         parsed(&text("", ONE, &step, speed)).unwrap();
         let text = text(&start, "", &step, speed);
         let told = parsed(&text).unwrap_err().to_string();

@@ -841,8 +841,8 @@ fn collisions_of_octants_keep_their_energy() {
     }
 }
 
-/// A ball that presses on a face off its centre acts at that place. The point comes from the ball's side: in double precision
-/// the normal of so flat a face does not determine it.
+/// A ball that presses on a face off its centre acts at that place. The ball determines the point, because in double
+/// precision the normal of so flat a face does not.
 #[test]
 fn a_ball_touches_a_flat_face_where_it_is() {
     let method = table(&Method::Auto, &Kind::ALL);

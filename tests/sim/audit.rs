@@ -103,7 +103,7 @@ fn errors_are_those_of_the_contacts() {
         let all = [(figures.median, at(50)), (figures.p99, at(99)), (figures.max, at(100))];
         assert!(all.iter().all(|&(found, expected)| near(found, expected)), "{all:?}");
     }
-    // The law is linear, so relative errors of forces equal those of overlaps, relative to the mean overlap.
+    // The law is linear, so errors of forces are proportional to those of overlaps.
     let (force, overlap) = (&found.force, &found.overlap);
     assert!(near(force.max / force.median, overlap.max / overlap.median), "{found:?}");
     assert!(found.mean_force_n > 0.0);

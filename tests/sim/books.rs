@@ -107,7 +107,7 @@ fn walls_do_their_work_until_bodies_part() {
     }
 }
 
-/// Without dashpots no loss is booked to any. The loss of normal dashpots is the remainder after all other causes.
+/// Without dashpots no loss is booked to them. The loss of normal dashpots is the remainder after all other causes.
 #[test]
 fn no_dashpot_takes_anything_where_there_is_none() {
     for shape in SHAPES {

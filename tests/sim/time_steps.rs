@@ -76,8 +76,8 @@ fn growth(text: &str, part: f64) -> f64 {
     highest(part) / highest(0.25)
 }
 
-/// Steps of the whole limit are stable for all contacts: one hard ball on a wall, in a corner, on soft particles, two balls, soft particles in a
-/// corner. For two balls the limit is exact, and 2 % more are unstable.
+/// Steps of the whole limit are stable for all contacts. Cases are one hard ball on a wall, in a corner and on soft particles, two balls, and soft
+/// particles in a corner. For two balls the limit is exact, and 2 % more are unstable.
 #[test]
 fn steps_of_the_whole_limit_are_stable() {
     let walls = |sides: &str| format!("walls = {sides}\nwall_material = \"steel\"");

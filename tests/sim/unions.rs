@@ -66,7 +66,7 @@ fn bodies_bounce_alike_on_any_number_of_feet() {
     }
 }
 
-/// A box and the same box in eight blocks slide down a slope, tumble over and come to rest together, on a plane and on triangles.
+/// A box, whole and in eight blocks, slides down a slope, tumbles over and comes to rest. Both move alike, on a plane and on triangles.
 #[test]
 fn a_cut_box_moves_as_the_whole() {
     let folder = tempfile::tempdir().unwrap();

@@ -169,7 +169,7 @@ fn a_ball_on_a_belt_comes_to_roll() {
     assert_eq!(bench.sim.particles.walls[0].point, Vec3::zeros());
 }
 
-/// At the end of a belt the velocity out of a contact's plane has no effect: without friction a ball bounces off the edge like off a belt at rest.
+/// At the end of a belt the velocity out of a contact's plane has no effect. Without friction a ball bounces off the edge like off a belt at rest.
 #[test]
 fn a_belt_does_not_push_over_its_end() {
     let folder = tempfile::tempdir().unwrap();

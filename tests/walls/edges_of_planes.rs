@@ -119,7 +119,7 @@ impl Floor {
         sheet.triangles.iter().map(|triangle| triangle.map(place)).collect()
     }
 
-    /// Particles just above the floor, with those of shorter paths ahead.
+    /// Particles just above the floor, with those of longer paths ahead.
     fn grains(&self) -> Vec<Particle> {
         let tilt = rotation_about(&Vec3::x(), libm::atan2(-self.normal.y, self.normal.z));
         let all = [

@@ -15,8 +15,8 @@ use dem_mpi::shape::triangle_mesh::TriangleMesh;
 use dem_mpi::shape::{HalfSpace, Shape};
 use std::sync::Arc;
 
-/// A body is never nearer to a contact with a facet than its reported clearance, even at convex edges, where the contact passes from face to
-/// face.
+/// A body is never nearer to a contact with a facet than its reported clearance. This holds at convex edges, too, where the contact passes
+/// from face to face.
 #[test]
 fn a_clearance_is_kept_beside_convex_edges() {
     let block = surface(&meshes::cuboid(Vec3::new(-1.0, -1.0, -1.5), Vec3::zeros()));
@@ -142,7 +142,8 @@ fn nothing_is_felt_beside_an_edge_before_it_is_touched() {
     }
 }
 
-/// A floor with a pit acts as a plane on bodies beside the pit, even where triangles of the floor are in line with a wall of the pit.
+/// A floor with a pit acts as a plane on bodies beside the pit. This holds even where triangles of the floor are in line with a wall of the
+/// pit.
 #[test]
 fn beside_a_pit_a_floor_is_a_plane() {
     let at = |x: f64, y: f64, z: f64| Vec3::new(x, y, z);

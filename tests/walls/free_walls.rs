@@ -104,8 +104,8 @@ fn a_lid_that_slides_bounces_as_its_angle_says() {
     }
 }
 
-/// A wall that moves at the end of a stage keeps its velocity component along the next stage's direction, unless that stage gives it a
-/// velocity.
+/// A wall that moves at the end of a stage keeps its velocity component along the next stage's direction. A velocity in that stage
+/// replaces it.
 #[test]
 fn a_free_wall_goes_on_in_another_stage() {
     let text = |along: &str, velocity: &str| {
@@ -114,7 +114,7 @@ fn a_free_wall_goes_on_in_another_stage() {
     };
     let first = scene(&text("[2, 0, 0]", "velocity = [0.3, 0.1, 0]"));
     let mut bench = Bench::of(&first, &[ball(0, 0, Vec3::zeros(), Vec3::zeros())]);
-    // No force has acted yet.
+    // A snapshot before the first step has no contacts.
     let (begin, mut alone) = (tempfile::tempdir().unwrap(), Alone::default());
     save(&bench.sim, begin.path(), &first, &mut alone);
     let reader = Reader::open(&begin.path().join("last.vtkhdf")).unwrap();

@@ -155,8 +155,8 @@ fn a_rod_across_the_cylinder_is_a_pendulum() {
     .check();
 }
 
-/// A rod at the bottom, rotated about the vertical, stands on its ends. If the material is soft and the angle small, it lies on its whole
-/// length like on an elastic foundation, and rises by a third as much.
+/// A rod at the bottom, rotated about the vertical, stands on its ends. With a soft material and a small angle it lies on its whole
+/// length like on an elastic foundation. It then rises by a third as much.
 #[test]
 fn a_turned_rod_swings_back() {
     let [_, across] = gyration();

@@ -196,8 +196,8 @@ fn what_is_on_the_axis_touches_once() {
     }
 }
 
-/// Deepest overlap of a body with a surface, or 0 without contact. Faces and their edges and corners count separately, and the smaller overlap
-/// counts.
+/// Deepest overlap of a body with a surface, or 0 without contact. If both faces and edges or corners are touched, the smaller of their deepest
+/// overlaps counts.
 fn deepest(surface: &Arc<TriangleMesh>, body: &Posed, centre: &Vec3) -> f64 {
     let found = on_facets(surface, body, centre);
     let is_edge = |&(facet, _): &(u32, Touch)| {

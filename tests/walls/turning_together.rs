@@ -76,8 +76,8 @@ fn turning(bench: &Bench, id: u64, shape: u16, place: Vec3, normal: &Vec3) -> Pa
     }
 }
 
-/// Creep of particles against the walls between the first and the sixth turn [m], and the decrease of the booked friction loss
-/// over their kinetic energy.
+/// Creep of particles against the walls between the first and the sixth turn [m], and decrease of the booked friction loss over
+/// the kinetic energy.
 fn creep(shapes: &[&str], normal: Vec3, places: &[Vec3], apart: f64) -> (f64, f64) {
     let normal = normal.normalize();
     let scene = scene(&text(shapes, normal, apart));

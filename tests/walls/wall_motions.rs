@@ -129,7 +129,7 @@ fn a_wall_that_leaves_the_domain_is_doubtful() {
     assert!(!says(0.4, 74_000) && !says(-0.4, 74_000) && !says(0.0, 76_000));
 }
 
-/// A ball that rubs, twists and rolls on a floor at rest: the torque on the floor equals the ball's loss of angular momentum about the point,
+/// A ball rubs, twists and rolls on a floor at rest. The torque on the floor equals the ball's loss of angular momentum about the point,
 /// without the part of gravity.
 #[test]
 fn the_torque_on_a_wall_is_what_the_ball_loses() {
@@ -533,7 +533,8 @@ fn what_comes_from_afar_is_felt() {
     }
 }
 
-/// A plate of triangles that a stage has moved and rotated keeps its position and its contact in the next one, for any new point of rotation.
+/// A plate of triangles that a stage has moved and rotated keeps its position and its contact in the next one. This holds for any new point of
+/// rotation.
 #[test]
 fn triangles_stay_where_a_stage_left_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -632,8 +633,8 @@ fn courses_and_stages() {
     }
 }
 
-/// A wall that travels and rotates continues in the next stage of the same scene without a trace: about its own axis, which has moved with it.
-/// With another point in the scene it rotates about that.
+/// A wall that travels and rotates continues in the next stage of an unchanged scene without a trace. It rotates about its own axis, which has
+/// moved with it. With another point in the scene it rotates about that.
 #[test]
 fn a_stage_goes_on_with_the_same_turn() {
     let folder = tempfile::tempdir().unwrap();
@@ -678,8 +679,8 @@ fn a_stage_goes_on_with_the_same_turn() {
     }
 }
 
-/// A long screw that rotates about its axis approaches by no more than its thickness, for any position of its reference point on the axis. No
-/// point of it moves farther than reported.
+/// The reported approach of a long screw that rotates about its axis is that of its thickness, for any reference point on the axis. No point of
+/// it moves farther than reported.
 #[test]
 fn a_screw_is_as_fast_as_it_is_thick() {
     let folder = tempfile::tempdir().unwrap();

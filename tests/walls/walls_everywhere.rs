@@ -1,5 +1,5 @@
-//! Walls of all kinds with motions of all kinds, inlets and outlets of all regions, size distributions of all kinds: identical bits on any
-//! number of ranks and across restarts.
+//! Walls and motions of all kinds, inlets and outlets of all regions, and all size distributions. Bits are identical on any number of ranks and
+//! across restarts.
 
 use crate::support::{OnRanks, close, scene};
 use std::path::Path;

@@ -337,7 +337,7 @@ fn a_stopped_run_reports_all_work() {
     let report = report(&sim, &finish, &Origin::default(), &mut comm);
     let work = report.counted.iter().find(|(name, _)| name == "work_floor_J").unwrap().1;
     assert!(work > 0.0);
-    // The first row of the history gives the initial energy.
+    // The first row of the history has the energy received at the start.
     let mut history = csv::Reader::from_path(folder.path().join("history.csv")).unwrap();
     let row: HashMap<String, f64> = history.deserialize().next().unwrap().unwrap();
     let before = row["received_J"];
