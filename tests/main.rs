@@ -1,4 +1,4 @@
-//! All tests in one binary, in folders like those of `src`; those inside MPI are in `ranks`.
+//! All tests in one binary, in folders named like those of `src`; tests inside MPI are in `ranks`.
 
 mod comm;
 mod contact;

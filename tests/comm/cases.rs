@@ -1,9 +1,9 @@
-//! What every [`Comm`] must do, whatever stands behind it. Each function is called by all ranks.
+//! Requirements on every [`Comm`], whatever its implementation. All ranks call each function.
 
 use dem_mpi::comm::{Comm, Parcel, Source};
 use dem_mpi::ids::Rank;
 
-/// Bytes that name their sender, receiver and round; their number differs, too, and may be zero.
+/// Bytes specific to sender, receiver and round; their number varies, too, and may be zero.
 fn bytes(from: Rank, to: Rank, round: u32) -> Vec<u8> {
     let length = (from.0 * 7 + to.0 * 3 + round) as usize % 5 * 1000;
     (0..length).map(|i| (i as u32 ^ (from.0 << 5) ^ (to.0 << 2) ^ round) as u8).collect()
@@ -13,8 +13,8 @@ fn everybody(comm: &dyn Comm) -> Vec<Rank> {
     (0..comm.size()).map(Rank).collect()
 }
 
-/// Parcels to and from all, oneself included: of known and of unknown size; work between start and finish;
-/// rounds that do not mix.
+/// Parcels to and from all ranks, including oneself, of known and of unknown size. Work runs between start
+/// and finish, and rounds do not mix.
 pub(crate) fn exchange(comm: &mut dyn Comm) {
     let me = comm.rank();
     for round in 0..20 {
@@ -22,7 +22,7 @@ pub(crate) fn exchange(comm: &mut dyn Comm) {
             .into_iter()
             .map(|to| Parcel { rank: to, bytes: bytes(me, to, round) })
             .collect();
-        // In another order than the parcels were sent.
+        // The order differs from that of the parcels sent.
         let sources: Vec<_> = everybody(comm)
             .into_iter()
             .rev()
@@ -41,7 +41,7 @@ pub(crate) fn exchange(comm: &mut dyn Comm) {
     assert_eq!(comm.exchange(vec![], &[]), []);
 }
 
-/// Parcels that nobody expects: two to the next rank, one to rank 0, some to oneself.
+/// Parcels without announced sources: two to the next rank, one to rank 0, some to oneself.
 pub(crate) fn route(comm: &mut dyn Comm) {
     let (me, size) = (comm.rank(), comm.size());
     for round in 0..20 {
@@ -81,11 +81,11 @@ pub(crate) fn reductions(comm: &mut dyn Comm) {
     assert!(!comm.any(false));
 }
 
-/// A vote is under way while parcels are, and is counted whoever finishes first; votes do not mix.
+/// A vote runs beside parcels and counts in any order of completion; votes do not mix.
 pub(crate) fn votes(comm: &mut dyn Comm) {
     let (me, size) = (comm.rank(), comm.size());
     for round in 0..50 {
-        // Nobody, one rank, or all but one.
+        // Yes from no rank, from one rank, or from all but one.
         let yes = |rank: Rank| match round % 3 {
             0 => false,
             1 => rank.0 == round % size,
@@ -125,7 +125,7 @@ pub(crate) fn started_sums(comm: &mut dyn Comm) {
     }
 }
 
-/// From rank 0 to all, and back; empty content, too.
+/// Broadcast from rank 0 to all ranks and gather to rank 0, with empty content, too.
 pub(crate) fn broadcast_and_gather(comm: &mut dyn Comm) {
     let me = comm.rank();
     for length in [0, 1, 100_000] {

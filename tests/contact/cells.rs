@@ -1,4 +1,4 @@
-//! Boxes beside closed solids with inner corners, whose files have few digits, against distances between boxes and triangles; plates with other
+//! Boxes beside closed solids with inner corners and rounded coordinates, against distances between boxes and triangles. Plates with other
 //! parts behind them.
 
 use crate::contact::overlap::cuboid;
@@ -27,7 +27,7 @@ fn surface(triangles: &Triangles) -> Shape {
     surface_for(MOST, triangles)
 }
 
-/// Triangles of a plane polygon, by its ears.
+/// Triangles of a plane polygon, by ear clipping.
 fn ears(outline: &[[f64; 2]]) -> Vec<[usize; 3]> {
     let turn = |[a, b, c]: [usize; 3]| {
         let [[ax, ay], [bx, by], [cx, cy]] = [outline[a], outline[b], outline[c]];
@@ -53,7 +53,7 @@ fn ears(outline: &[[f64; 2]]) -> Vec<[usize; 3]> {
     triangles
 }
 
-/// The surface of a prism over an outline that goes round to the left.
+/// Surface of a prism over a counter-clockwise outline.
 fn prism(outline: &[[f64; 2]], half: f64) -> Triangles {
     let at = |k: usize, z: f64| Vec3::new(outline[k][0], outline[k][1], z);
     let mut triangles = Triangles::new();
@@ -64,7 +64,7 @@ fn prism(outline: &[[f64; 2]], half: f64) -> Triangles {
     for k in 0..outline.len() {
         let next = (k + 1) % outline.len();
         let [a, b, c, d] = [at(k, -half), at(next, -half), at(next, half), at(k, half)];
-        // Along either diagonal.
+        // The diagonal alternates.
         triangles.extend(if k % 2 == 0 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] });
     }
     triangles
@@ -91,7 +91,7 @@ fn outline(kind: usize, random: &mut Random) -> Vec<[f64; 2]> {
     }
 }
 
-/// A box, of which half edges stand along its axes.
+/// A box with its half edges along the axes of its frame.
 struct Cuboid {
     frame: Mat3,
     centre: Vec3,
@@ -103,7 +103,7 @@ impl Cuboid {
         triangle.map(|p| self.frame.tr_mul(&(p - self.centre)))
     }
 
-    /// Does a part of a segment in its axes lie in it?
+    /// Whether a part of a segment lies in the box; the segment is in the box's axes.
     fn holds_of(&self, from: &Vec3, to: &Vec3) -> bool {
         let (mut begin, mut end) = (0.0_f64, 1.0_f64);
         for axis in 0..3 {
@@ -127,7 +127,7 @@ impl Cuboid {
         ends.filter(|(k, l)| k != l).map(move |(k, l)| [corners[k], corners[l]])
     }
 
-    /// How far it is from a triangle; nothing if they share points.
+    /// Distance to a triangle; `None` if they intersect.
     fn distance(&self, triangle: &[Vec3; 3]) -> Option<f64> {
         let [a, b, c] = self.seen(triangle);
         let sides = [[a, b], [b, c], [c, a]];
@@ -146,7 +146,7 @@ impl Cuboid {
     }
 }
 
-/// How high a point is over a triangle, if it stands over it.
+/// Height of a point above a triangle, if its projection is inside.
 fn over(p: &Vec3, [a, b, c]: &[Vec3; 3]) -> Option<f64> {
     let normal = (b - a).cross(&(c - a)).normalize();
     let is_within = |from: &Vec3, to: &Vec3| normal.cross(&(to - from)).dot(&(p - from)) >= 0.0;
@@ -160,7 +160,7 @@ fn goes_through([from, to]: &[Vec3; 2], triangle: &[Vec3; 3]) -> bool {
     start * end <= 0.0 && over(&(from + (to - from) * (start / (start - end))), triangle).is_some()
 }
 
-/// The distance of two segments, by alternating projections: exact where they end or are at right angles, and otherwise after some turns.
+/// Distance of two segments by alternating projections, exact where they end or are perpendicular.
 fn between([a, b]: &[Vec3; 2], [c, d]: &[Vec3; 2]) -> f64 {
     let (u, v, w) = (b - a, d - c, a - c);
     let (uu, uv, vv) = (u.dot(&u), u.dot(&v), v.dot(&v));
@@ -173,7 +173,7 @@ fn between([a, b]: &[Vec3; 2], [c, d]: &[Vec3; 2]) -> f64 {
     (a + u * s - c - v * t).norm()
 }
 
-/// How often a closed surface goes round a point.
+/// Winding number of a closed surface around a point.
 fn winding(triangles: &Triangles, point: &Vec3) -> f64 {
     let solid_angle = |triangle: &[Vec3; 3]| {
         let [a, b, c] = triangle.map(|p| p - point);
@@ -184,7 +184,7 @@ fn winding(triangles: &Triangles, point: &Vec3) -> f64 {
     triangles.iter().map(solid_angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
 }
 
-/// A closed solid that lies anywhere, and what is left of its corners.
+/// A closed solid in any position, with exact and with rounded corners.
 struct Solid {
     exact: Triangles,
     rounded: Triangles,
@@ -192,7 +192,7 @@ struct Solid {
 }
 
 impl Solid {
-    /// `digits` rounds corners: to single precision, or by so much of the size.
+    /// `digits` selects the rounding of corners: single precision, or a random shift of this length.
     fn of(kind: usize, digits: Option<f64>, random: &mut Random) -> Self {
         let outline = outline(kind, random);
         let frame = random.frame();
@@ -214,7 +214,7 @@ impl Solid {
         Self { exact, rounded, size: 5.0 }
     }
 
-    /// A box of which the distance from the surface is known, with its centre outside.
+    /// A random box with its centre outside, and its distance from the surface.
     fn box_beside(&self, random: &mut Random) -> Option<(Cuboid, Option<f64>)> {
         let half = Vec3::from_fn(|_, _| 0.5 * (LEAST + (MOST - LEAST) * random.unit()));
         let [a, b, c] = self.exact[(random.unit() * self.exact.len() as f64) as usize];
@@ -231,7 +231,7 @@ impl Solid {
     }
 }
 
-/// Nothing is felt where nothing is shared, and something where a tenth of a box is.
+/// There is no contact where the bodies share nothing, and one where they share a tenth of a box.
 #[test]
 fn beside_inner_corners_nothing_is_felt_from_afar() {
     let seed = 2026;
@@ -271,7 +271,7 @@ fn beside_inner_corners_nothing_is_felt_from_afar() {
     assert!(wrong.is_empty(), "{wrong:?}");
 }
 
-/// Faces that are planes but for the digits of a file give the forces of planes.
+/// Faces that are plane up to the digits of a file give the forces of planes.
 #[test]
 fn faces_that_are_rounded_press_as_planes_do() {
     let seed = 2027;
@@ -297,12 +297,12 @@ fn faces_that_are_rounded_press_as_planes_do() {
             touching += 1;
         }
     }
-    // Deep in a notch a cut may be there or not by rounding.
+    // In a deep notch, rounding decides whether a cut exists.
     println!("{differing} of {touching} differ");
     assert!(touching > 1000 && 100 * differing < touching, "{differing} of {touching}");
 }
 
-/// A brace whose edge nearly touches a plate from behind takes no support from what lies on the plate.
+/// A brace whose edge nearly touches a plate from behind takes no load from a body on the plate.
 #[test]
 fn a_plate_holds_what_lies_on_it_over_a_brace_and_beside() {
     let seed = 2028;
@@ -350,11 +350,11 @@ fn a_plate_holds_what_lies_on_it_over_a_brace_and_beside() {
         }
     }
     println!("{count}: beside the brace off by {beside:.1e}, over it {least:.3} to {most:.3}");
-    // The edge of the brace presses, too, where the box is deeper than the gap: half as much as a face.
+    // The edge of the brace acts, too, where the box is deeper than the gap, with half the force of a face.
     assert!(beside < 1e-9 && least > 0.99 && most < 1.6, "{beside:e} {least} {most}");
 }
 
-/// Two blocks with an edge in common, at which four triangles meet, press as the two by themselves do.
+/// Two blocks with a common edge, at which four triangles meet, give the forces of two separate blocks.
 #[test]
 fn blocks_with_an_edge_in_common_are_two_blocks() {
     let seed = 2029;
@@ -389,7 +389,7 @@ fn blocks_with_an_edge_in_common_are_two_blocks() {
                 assert!(found.is_empty(), "{k} {distance:?}");
             } else {
                 let each = [0, 1].map(|k: usize| lying.on(&blocks[k]));
-                // What touches both may lie on a plane of both.
+                // A box that touches both may lie on a plane of both and is left out.
                 if each.iter().any(Vec::is_empty) {
                     touching += 1;
                     let off = (sum(&found) - sum(&each.concat())).norm();
@@ -399,12 +399,12 @@ fn blocks_with_an_edge_in_common_are_two_blocks() {
         }
     }
     println!("{apart} apart, {touching} touch, {differing} differ");
-    // A fifth of a box deep and more, cuts of one part by the other may show.
+    // At depths from a fifth of a box, cuts of one part by the other may matter.
     assert!(apart > 300 && touching > 300, "{apart} {touching}");
     assert!(100 * differing < touching, "{differing}");
 }
 
-/// A fin on a plate, at an edge of three triangles: nothing is felt from afar, and beside it the plate is a plane.
+/// A fin on a plate, at an edge of three triangles: there is no contact from afar, and beside it the plate is a plane.
 #[test]
 fn a_fin_on_a_plate_is_a_sheet_of_its_own() {
     let seed = 2030;
@@ -449,7 +449,7 @@ fn a_fin_on_a_plate_is_a_sheet_of_its_own() {
     assert!(apart > 300 && beside > 300 && worst < 1e-12, "{apart} {beside} {worst:e}");
 }
 
-/// However fine a surface is, each of its triangles asks few others: half of the width, hardly more of them.
+/// Each triangle checks few others on a surface of any fineness: at half the width, hardly more of them.
 #[test]
 fn triangles_ask_no_more_others_where_they_are_finer() {
     let asked = |count: usize| {

@@ -1,5 +1,5 @@
-//! What every contact resolver promises, on random pairs: a new resolver is added to [`resolvers`] and
-//! has to pass. Cases come from a seed and a number, both in the message of a failure.
+//! Requirements on every contact resolver, on random pairs: add new resolvers to [`resolvers`]. A seed and a
+//! number, both in the message of a failure, define each case.
 
 use crate::support::placed::Case;
 use crate::support::random::Draw;
@@ -21,16 +21,16 @@ const CASES: usize = 300;
 /// Rounding of an overlap relative to the size: a few hundred units in the last place at 1:4.
 const ROUNDING: f64 = 1e-13;
 
-/// A resolver and how far its answers may be from its own limit.
+/// A resolver with the tolerances of its answers about its own limit.
 struct Subject {
     resolver: Box<dyn ContactResolver>,
-    /// Of the overlap, relative to the size.
+    /// Tolerance of the overlap, relative to the size.
     overlap: f64,
-    /// Of the normal [rad] and the contact point, relative to the size.
+    /// Tolerance of the normal [rad] and of the contact point, relative to the size.
     normal: f64,
-    /// Is the limit the common normal?
+    /// Whether the limit is the common normal.
     exact: bool,
-    /// What it resolves.
+    /// Family of shapes that it resolves.
     family: Family,
 }
 
@@ -40,18 +40,18 @@ impl Subject {
     }
 }
 
-/// Which shapes come at random.
+/// Family of random shapes.
 #[derive(Clone, Copy, PartialEq)]
 enum Family {
     /// Spheres and ellipsoids.
     Ellipsoids,
-    /// These and superellipsoids, whole or of octants.
+    /// Spheres, ellipsoids and superellipsoids, whole or of octants.
     Superellipsoids,
-    /// Spheres, spherocylinders and rounded polyhedra: with a margin, which any overlap is less than.
+    /// Spheres, spherocylinders and rounded polyhedra, with a margin that exceeds any overlap.
     Rounded,
 }
 
-/// The chain of a method, as a simulation gets it from the table.
+/// The chain of a method, from the table as in a simulation.
 struct Chained(Table);
 
 impl Chained {
@@ -70,10 +70,10 @@ impl ContactResolver for Chained {
     }
 }
 
-/// Every resolver of pairs of ellipsoids and spheres, of superellipsoids, and of pairs with margins.
+/// All resolvers of pairs of ellipsoids and spheres, of superellipsoids, and of pairs with margins.
 ///
-/// A search to a gap `e` leaves the normal free by `√(2 e / κ)`, with κ above 0.1 here. Erosion's direction is
-/// not at a minimum of the overlap, which therefore feels the direction's error at first order.
+/// A search to a gap `e` leaves the normal uncertain by `√(2 e / κ)`, with κ above 0.1 here. Erosion's
+/// direction is not at a minimum of the overlap, so the direction's error enters the overlap at first order.
 fn resolvers() -> Vec<Subject> {
     let subject = |resolver: Box<dyn ContactResolver>, overlap, normal, exact| Subject {
         resolver,
@@ -106,17 +106,17 @@ fn resolvers() -> Vec<Subject> {
     ]
 }
 
-/// Those of them that resolve ellipsoids.
+/// Resolvers of ellipsoids.
 fn ellipsoid_resolvers() -> impl Iterator<Item = Subject> {
     resolvers().into_iter().filter(|subject| subject.family == Family::Ellipsoids)
 }
 
-/// Semi-axes from 0.5 to 2.
+/// Ellipsoid with semi-axes from 0.5 to 2.
 fn ellipsoid(random: &mut Random) -> Shape {
     Shape::Ellipsoid(Ellipsoid { semi_axes: random.vector(0.5, 2.0) })
 }
 
-/// From nearly a box to nearly an octahedron, every other one of eight octants.
+/// Superellipsoid from nearly a box to nearly an octahedron, half of them of eight octants.
 fn superellipsoid(random: &mut Random) -> Shape {
     let exponents = [random.between(0.4, 1.4), random.between(0.4, 1.4)];
     let (positive, negative) = (random.vector(0.5, 1.5), random.vector(0.5, 1.5));
@@ -132,7 +132,7 @@ fn spherocylinder(random: &mut Random) -> Shape {
     Shape::Spherocylinder(Spherocylinder { length, radius })
 }
 
-/// With 4 to 40 corners on an ellipsoid.
+/// Rounded polyhedron with 4 to 40 corners on an ellipsoid.
 fn rounded_polyhedron(random: &mut Random) -> Shape {
     let count = 4 + (37.0 * random.unit()) as usize;
     let axes = random.vector(0.5, 1.5);
@@ -180,7 +180,7 @@ impl Case {
     }
 }
 
-/// Are two answers the same but for what the resolver leaves open?
+/// Checks that two answers agree to the resolver's tolerances.
 fn assert_same(case: usize, subject: &Subject, size: f64, found: &Touch, expected: &Touch) {
     let good = (found.overlap - expected.overlap).abs() <= 2.0 * subject.overlap * size
         && (found.normal - expected.normal).norm() <= subject.normal
@@ -229,7 +229,7 @@ fn a_rigid_motion_moves_the_answer() {
     });
 }
 
-/// Erosion, too, is exact for spheres: the direction is the line of centres.
+/// Erosion is exact for spheres, too: the direction is the line of centres.
 #[test]
 fn ellipsoids_with_equal_axes_are_spheres() {
     for subject in ellipsoid_resolvers() {
@@ -257,7 +257,8 @@ fn the_overlap_goes_smoothly_through_touch() {
         1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-15, 0.0, -1e-15, -1e-12, -1e-8, -1e-4,
         -1e-3, -1e-2,
     ];
-    // How much faster than the bodies approach may erosion's overlap grow: the direction turns.
+    // Largest growth of erosion's overlap over the approach of the bodies; it exceeds 1 because the direction
+    // turns.
     const RATE: f64 = 3.0;
     for subject in resolvers() {
         let name = subject.resolver.name();
@@ -294,7 +295,7 @@ fn the_overlap_goes_smoothly_through_touch() {
 #[test]
 fn the_unit_of_length_does_not_matter() {
     for_touching(|i, subject, case, _| {
-        // Solids are made anew from their corners: for the comparison, too.
+        // Solids are rebuilt from their corners, also for the comparison.
         let in_unit = |unit: f64| Case {
             a: (scaled(&case.a.0, unit), case.a.1),
             b: (scaled(&case.b.0, unit), case.b.1),
@@ -310,7 +311,7 @@ fn the_unit_of_length_does_not_matter() {
     });
 }
 
-/// The overlap is the least over all directions: a method can only find too much of it.
+/// The overlap is the least over all directions, so a method can only find too much of it.
 #[test]
 fn resolvers_agree_and_none_finds_too_little() {
     for_touching(|i, subject, case, _| {
@@ -346,8 +347,7 @@ fn bodies_that_are_apart_do_not_touch() {
     }
 }
 
-/// A pair rests while its surfaces have come nearer by less than the clearance: whatever way it moves by
-/// less, it must still be apart.
+/// A pair that is apart stays apart after any motion shorter than its reported clearance.
 #[test]
 fn a_pair_that_rests_misses_nothing() {
     for subject in &resolvers() {
@@ -359,12 +359,12 @@ fn a_pair_that_rests_misses_nothing() {
                 continue; // spurious contacts of erosion
             };
             promises += usize::from(promised > 0.0);
-            // Towards each other is the worst way, any other must do too.
+            // The direct approach is the worst case; two other directions are checked, too.
             let towards = -case.r.normalize();
             let sideways = Vec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.3);
             for way in [towards, (towards + sideways * 0.5).normalize(), sideways.normalize()] {
                 let before = case.r;
-                // The list of pairs leaves as much room for rounding.
+                // The pair list leaves as much room for rounding.
                 let room = 1e-12 * case.a.0.bounding_radius();
                 case.r += way * (promised * 0.999_999 - room).max(0.0);
                 let outcome = case.resolve(&*subject.resolver, None);
@@ -396,7 +396,8 @@ fn a_warm_start_agrees_with_a_cold_one() {
     });
 }
 
-/// Aligned, coaxial, very flat, nearly coincident: an answer is finite, and a method that has none says so.
+/// Aligned, coaxial, very flat and nearly coincident bodies: an answer is finite, or the method reports a
+/// failure.
 #[test]
 fn no_answer_is_not_a_number() {
     let upright = Mat3::identity();
@@ -430,19 +431,19 @@ fn no_answer_is_not_a_number() {
     }
 }
 
-/// Against a wall: the height of an ellipsoid over its centre is `√(n·A n)`.
+/// A wall: the height of an ellipsoid's centre is `√(n·A n)`.
 #[test]
 fn walls_have_closed_forms() {
     for i in 0..CASES {
         let mut random = Random::of(SEED + i as u64, 0);
         let (shape, frame) = (ellipsoid(&mut random), random.frame());
-        // A plane of a wall that is turned by any rotation, away from the wall's reference point.
+        // A plane of a rotated wall, away from the wall's reference point.
         let (of_wall, offset) = (random.frame(), random.between(-2.0, 2.0));
         let own = random.direction();
         let (wall, normal) = (Shape::HalfSpace(HalfSpace { normal: own, offset }), of_wall * own);
         let axes = frame.tr_mul(&normal).component_mul(&shape.semi_axes());
         let overlap = random.between(-0.1, 0.1);
-        // Any point of the plane will do.
+        // Any point of the plane serves.
         let aside = normal.cross(&random.direction()) * 10.0;
         let r = aside - normal * (axes.norm() - overlap);
         let (a, b) = (Posed::new(&shape, &frame), Posed::new(&wall, &of_wall));
@@ -455,7 +456,7 @@ fn walls_have_closed_forms() {
                     "seed {SEED} + {i}: {touch:?}"
                 );
                 assert_eq!(touch.normal, -normal);
-                // Half way between the deepest point and the plane.
+                // Half-way between the deepest point and the plane.
                 let depth = (touch.point - r).dot(&normal);
                 assert!((depth + 0.5 * overlap).abs() <= ROUNDING, "seed {SEED} + {i}: {depth}");
             }
@@ -463,7 +464,7 @@ fn walls_have_closed_forms() {
     }
 }
 
-/// Closed forms are chosen by the pair, never by the method.
+/// Closed forms are chosen by the pair and not by the method.
 #[test]
 fn the_table_serves_every_pair() {
     let methods = [Method::Auto, Method::CommonNormal, Method::Epa(Epa::new(1e-6))];

@@ -1,5 +1,5 @@
-//! How curved bodies are where they touch, and what Hertz's law makes of it: against elliptic integrals by quadrature, second
-//! differences of support functions, differences of the energy, and impacts with closed forms.
+//! Curvatures at a contact and Hertz's law with them. References are elliptic integrals by quadrature, second differences of support functions,
+//! differences of the energy, and impacts with closed forms.
 
 use crate::sim::verification::cases::elliptic::{ellipse, f2_of};
 use dem_mpi::contact::curvature::{
@@ -60,14 +60,14 @@ fn frame(random: &mut Random) -> Mat3 {
     random.rotation().to_rotation_matrix().into_inner()
 }
 
-/// Two unit vectors across another.
+/// Two unit vectors perpendicular to a normal and to each other.
 fn across(normal: &Vec3) -> [Vec3; 2] {
     let first = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
     [first, normal.cross(&first)]
 }
 
-/// Radii of curvature along a normal: of ellipsoids from second differences of the support function, h of any vector; of others the average over 0.1 rad
-/// around it, from as many support points as are wanted.
+/// Radii of curvature along a normal. For ellipsoids they are second differences of the support function. For other shapes they are the average over
+/// 0.1 rad around the normal, from many support points.
 fn radii(body: &Posed, normal: &Vec3) -> [[f64; 2]; 2] {
     const STEP: f64 = 1e-3;
     let axes = across(normal);
@@ -92,7 +92,7 @@ fn radii(body: &Posed, normal: &Vec3) -> [[f64; 2]; 2] {
         let v = normal + axes[0] * (STEP * x) + axes[1] * (STEP * y);
         body.support(&v).dot(&v)
     };
-    // Of fourth order along the axes.
+    // Fourth-order differences along the axes.
     let second = |at: &dyn Fn(f64) -> f64| {
         (16.0 * (at(1.0) + at(-1.0)) - (at(2.0) + at(-2.0)) - 30.0 * at(0.0)) / (12.0 * STEP * STEP)
     };
@@ -108,14 +108,14 @@ fn inverse([[a, b], [_, d]]: [[f64; 2]; 2]) -> [f64; 3] {
     [d / determinant, -b / determinant, a / determinant]
 }
 
-/// `√R` from curvatures 11, 12, 22.
+/// `√R` from the curvatures 11, 12 and 22.
 fn root_of_radius([a, b, c]: [f64; 3]) -> f64 {
     let spread = (0.25 * (a - c) * (a - c) + b * b).sqrt();
     let [large, small] = [0.5 * (a + c) + spread, 0.5 * (a + c) - spread];
     (large * small).powf(-0.25) * f2_of(large / small).powf(-1.5)
 }
 
-/// Of every shape on a plane and of every two, in any orientation and size.
+/// Every shape on a plane and every pair of shapes, in random orientations and sizes.
 #[test]
 fn curvatures_are_second_derivatives_of_support_functions() {
     let mut random = Random::of(11, 0);
@@ -129,7 +129,7 @@ fn curvatures_are_second_derivatives_of_support_functions() {
             let normal = random.rotation() * Vec3::x();
             let mut sum = inverse(radii(&a, &normal));
             if other.kind() != Kind::HalfSpace {
-                // Seen from the other side the second vector across is the opposite.
+                // From the other side the second perpendicular vector is the opposite.
                 let of_b = radii(&b, &-normal);
                 let axes = [across(&normal), across(&-normal)];
                 let turn =
@@ -150,11 +150,11 @@ fn curvatures_are_second_derivatives_of_support_functions() {
             *worst = worst.max(off);
         }
     }
-    // Eight directions stand for 720.
+    // The program averages over eight directions, the reference over 720.
     assert!(worst[0] < 1e-8 && worst[1] < 1e-2, "{worst:?}");
 }
 
-/// Closed forms, and bounds.
+/// Closed forms and bounds.
 #[test]
 fn radii_of_simple_contacts() {
     let (identity, turned) =
@@ -168,7 +168,7 @@ fn radii_of_simple_contacts() {
     let root = of_pair(&lying, &on_plane, &down, 0.0).root_of_radius;
     assert!((root / (2.0_f64.sqrt() * f2_of(4.0).powf(-1.5)) - 1.0).abs() < 1e-12, "{root}");
     assert!((flattest(&ellipsoid) / root - 1.0).abs() < 1e-15);
-    // 1/4 + 1 both ways: a circle.
+    // Both curvatures are 1/4 + 1: a circle.
     let crossed = Posed::new(&ellipsoid, &turned);
     let found = of_pair(&lying, &crossed, &down, 0.01);
     assert!((found.root_of_radius / 0.8_f64.sqrt() - 1.0).abs() < 1e-12);
@@ -178,7 +178,7 @@ fn radii_of_simple_contacts() {
     for curvature in [found, of_pair(&lying, &on_plane, &down, 0.01)] {
         assert!(curvature.force.norm() < 1e-15 && curvature.moment.norm() < 1e-15);
     }
-    // Spheres under both names.
+    // Spheres as spheres and as ellipsoids.
     for (radius, other) in [(0.3, 0.7), (1.0, 1.0)] {
         let shapes =
             [radius, other].map(|r| Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::repeat(r) }));
@@ -189,14 +189,14 @@ fn radii_of_simple_contacts() {
         assert!((root_of_radius / expected - 1.0).abs() < 1e-13);
         assert!(force.norm() < 1e-13 && moment.norm() < 1e-13, "{force:?} {moment:?}");
     }
-    // A flat side: between the radius where the surface has bent by 0.1 rad, z = 1 - x^5 / 5, and that of a cube.
+    // The flattest radius lies between two values. One is where the surface z = 1 - x^5 / 5 has bent by 0.1 rad, the other is that of a cube.
     let blunt = Superellipsoid::new(Vec3::repeat(1.0), [0.4, 0.4]);
     let found = flattest(&Shape::Superellipsoid(blunt)).powi(2);
     println!("{found}");
     assert!(found > 0.1_f64.powf(0.25) / 0.1 && found < 10.0, "{found}");
 }
 
-/// The pair, touching, with B's centre at `r`.
+/// Touch and curvature of a pair with B's centre at `r`.
 fn touching(shapes: [&Shape; 2], frames: [&Mat3; 2], r: &Vec3) -> (Touch, Curvature) {
     let (a, b) = (Posed::new(shapes[0], frames[0]), Posed::new(shapes[1], frames[1]));
     let kinds = ordered((shapes[0].kind(), shapes[1].kind()));
@@ -208,8 +208,8 @@ fn touching(shapes: [&Shape; 2], frames: [&Mat3; 2], r: &Vec3) -> (Touch, Curvat
     (touch, curvature)
 }
 
-/// Forces and moments are the gradient of the energy, along all ways in which two bodies can move and turn; also where the first is touched on its equator,
-/// or close to it.
+/// Forces and moments are the gradient of the energy along all ways in which two bodies can move and turn. The first body is also touched on or near
+/// its equator.
 #[test]
 fn forces_are_the_gradient_of_the_energy() {
     let plane = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
@@ -264,7 +264,7 @@ fn forces_are_the_gradient_of_the_energy() {
                     let off = (found - expected).abs() / force.norm();
                     let worst = &mut worst[usize::from(level.is_some())][is_moment];
                     *worst = worst.max(off);
-                    // Radii of curvature at the equator are 0 or infinite, and those beside it are met in the differences.
+                    // Radii of curvature at the equator are 0 or infinite, and the differences reach positions beside it.
                     assert!(
                         off < if level.is_none() { 2e-6 } else { 1e-4 },
                         "{} and {}, axis {axis}, at {level:?}: {found:e}, expected {expected:e}",
@@ -280,13 +280,13 @@ fn forces_are_the_gradient_of_the_energy() {
     );
 }
 
-/// What a cap on the radii of flat sides would do, as the guide has it: forces on a side and on a face over that on a corner.
+/// Effect of a cap on the radii of flat sides. The values are those of the guide: forces on a side and on a face over that on a corner.
 #[test]
 fn a_cap_on_flat_sides_would_make_the_energy_jump() {
     for (cap, on_side, on_face) in
         [(2.0_f64, 1.20, 1.41), (5.0, 1.58, 2.24), (10.0, 1.97, 3.16), (50.0, 3.49, 7.07)]
     {
-        // √Re F2^(-3/2), with the rounding of the edges for 1.
+        // √Re F2^(-3/2), in units of the rounding radius of the edges.
         let side = cap.sqrt().sqrt() * stiffening_of_ratio(cap);
         let face = cap.sqrt() * stiffening_of_ratio(1.0);
         assert!(

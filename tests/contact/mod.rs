@@ -1,4 +1,4 @@
-//! From two shapes to overlap, normal and point.
+//! Contact resolution: overlap, normal and point of two shapes.
 
 mod cells;
 mod contract;

@@ -1,4 +1,5 @@
-//! What bodies with faces share: cutting is closed whatever the rounding, force and moment are the gradient of the energy.
+//! Common volumes of bodies with faces: cuts stay closed under rounding, and force and moment are the gradient of the
+//! energy.
 
 use crate::support::random::Draw;
 use crate::support::{Frame, MATERIAL, begun, below, scene};
@@ -18,7 +19,7 @@ pub(crate) fn solid(corners: &[Vec3]) -> Shape {
     Shape::Polyhedron(Box::new(Polyhedron::new(corners).expect("a body")))
 }
 
-/// With these full edges.
+/// A cuboid with these full edges.
 pub(crate) fn cuboid(edges: Vec3) -> Shape {
     solid(&solids::cuboid(edges))
 }
@@ -57,17 +58,17 @@ impl Pose<'_> {
         thickness(&a, &b, &self.r)
     }
 
-    /// `D² / 2`, 0 if they are apart.
+    /// `D² / 2`, or 0 if they are apart.
     fn energy(&self) -> f64 {
         self.thickness().map_or(0.0, |found| found.energy())
     }
 
-    /// With B moved.
+    /// The pose with B moved.
     fn moved(&self, by: Vec3) -> Self {
         Self { r: self.r + by, ..self.clone() }
     }
 
-    /// With one of the bodies turned about its centre.
+    /// The pose with one of the bodies turned about its centre.
     fn turned(&self, body: usize, axis: &Vec3, angle: f64) -> Self {
         let mut turned = self.clone();
         turned.frames[body] =
@@ -75,7 +76,7 @@ impl Pose<'_> {
         turned
     }
 
-    /// The largest difference of force and moment from the gradient by differences, over the thickness that was found.
+    /// Largest difference of force and moment from finite differences of the energy, over the thickness.
     pub(crate) fn error_of_gradient(&self, found: &Thickness) -> f64 {
         let (force, moment) = (found.force(), found.moment());
         let on_b = moment - self.r.cross(&force);
@@ -93,7 +94,7 @@ impl Pose<'_> {
         worst
     }
 
-    /// The same two bodies in the other order.
+    /// The pose with the bodies in the other order.
     pub(crate) fn swapped(&self) -> Self {
         let Self { shapes: [a, b], frames, scales, r } = *self;
         Self {
@@ -105,13 +106,13 @@ impl Pose<'_> {
     }
 }
 
-/// A derivative at 0, from central differences of fourth order.
+/// Derivative at 0 by central differences of fourth order.
 pub(crate) fn derivative(of: impl Fn(f64) -> f64, step: f64) -> f64 {
     let difference = |h: f64| (of(h) - of(-h)) / (2.0 * h);
     (4.0 * difference(step) - difference(2.0 * step)) / 3.0
 }
 
-/// Two random bodies that overlap by 1 to 10 % along a random direction.
+/// Two random bodies with an overlap of 1 to 10 % along a random direction.
 fn random_pose<'a>(random: &mut Random, solids: &'a [Shape]) -> Pose<'a> {
     let mut pick = || &solids[below(random, solids.len() as u64) as usize];
     let shapes = [pick(), pick()];
@@ -125,8 +126,8 @@ fn random_pose<'a>(random: &mut Random, solids: &'a [Shape]) -> Pose<'a> {
     pose
 }
 
-/// The gradient by differences of fourth order, over `D`: steps of 1e-4 `D` leave 1e-10 of rounding, and as much where the
-/// second derivative jumps, as it does when a vertex passes a plane.
+/// Tolerance of the gradient by fourth-order differences, over `D`. Steps of 1e-4 `D` leave 1e-10 of rounding. They leave
+/// as much where the second derivative jumps, as it does when a vertex passes a plane.
 const GRADIENT: f64 = 1e-7;
 
 #[test]
@@ -146,7 +147,7 @@ fn force_and_moment_are_the_gradient() {
     assert!(touching > 1500, "{touching}");
 }
 
-/// A body on a plane below it, whose depth below the plane is `depth`.
+/// A body above a plane that it overlaps by `depth`.
 fn on_plane(shape: &Shape, frame: Mat3, depth: f64) -> Option<Thickness> {
     let plane = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
     let down = -Vec3::z();
@@ -175,11 +176,11 @@ fn faces_edges_and_corners_have_their_closed_forms() {
         let moment = found.moment();
         assert!((moment.y - 0.25 * angle).abs() < depth * depth, "{part}: {moment}");
     }
-    // An edge, its two faces at 45 degrees: half the stiffness.
+    // An edge with its two faces at 45 degrees has half the stiffness.
     let frame = rotation_about(&Vec3::y(), std::f64::consts::FRAC_PI_4).to_rotation_matrix();
     let found = on_plane(&cube, frame.into_inner(), depth).unwrap();
     assert!((found.gain * found.thickness / (0.5 * depth) - 1.0).abs() < 1e-6, "{found:?}");
-    // A corner, its diagonal upright: 0.3 of it; of a tetrahedron's tip 0.15.
+    // A corner with its diagonal upright has 0.3 of the stiffness, and the tip of a tetrahedron 0.15.
     let diagonal = Vec3::new(1.0, 1.0, 1.0).normalize();
     let upright = |axis: Vec3| {
         let turn = nalgebra::Rotation3::rotation_between(&axis, &Vec3::z()).expect("not opposite");
@@ -190,7 +191,7 @@ fn faces_edges_and_corners_have_their_closed_forms() {
     assert!(found.couple.norm() < 1e-12 * depth, "{found:?}");
 }
 
-/// The 24 rotations that a cube does not show.
+/// The 24 rotations under which a cube is invariant.
 fn cube_rotations() -> Vec<Mat3> {
     let mut all = Vec::new();
     for first in 0..6 {
@@ -205,8 +206,8 @@ fn cube_rotations() -> Vec<Mat3> {
     all
 }
 
-/// Poses in which faces, edges and corners coincide: turned boxes on a lattice of half their edges, all of it turned once
-/// more so that rounding decides.
+/// Poses in which faces, edges and corners coincide: turned boxes on a lattice of half their edges. A common random
+/// rotation lets rounding decide.
 fn degenerate_pose<'a>(random: &mut Random, boxes: &'a [Shape], turns: &[Mat3]) -> Pose<'a> {
     let mut pick = || &boxes[below(random, boxes.len() as u64) as usize];
     let shapes = [pick(), pick()];
@@ -227,7 +228,7 @@ fn bits(found: Option<Thickness>) -> Vec<u64> {
     all.map(|x| x.to_bits()).collect()
 }
 
-/// The surface that is left when the planes of B have cut A is closed: each side of a face is a side of another, in the
+/// Checks that A's surface is closed after the cuts by B's planes. Each side of a face is a side of another, in the
 /// opposite direction.
 fn assert_closed(body: &mut Clipped, pose: &Pose) {
     let [a, b] = [0, 1].map(|k| pose.shapes[k].facets().expect("a polyhedron"));
@@ -284,7 +285,7 @@ fn coinciding_faces_edges_and_corners_do_no_harm() {
         assert!(point.norm() < 2.0 && found.moment().norm() < 2.0, "case {case}: {found:?}");
     }
     assert!(touching > 50_000, "{touching}");
-    // What was in the scratch before does not matter.
+    // Earlier contents of the scratch memory do not matter.
     let other = |poses: &[Pose]| -> Vec<_> {
         poses.iter().rev().map(|pose| bits(pose.thickness())).collect()
     };
@@ -296,7 +297,7 @@ fn coinciding_faces_edges_and_corners_do_no_harm() {
     }
 }
 
-/// The two orders of a pair agree, and what one body feels is the opposite of what the other does.
+/// Both orders of a pair agree, and action equals reaction.
 #[test]
 fn the_order_of_a_pair_does_not_matter() {
     let solids = solids();
@@ -344,7 +345,7 @@ velocity = [0.0, 0.0, -1.0]
 step = 4e-6
 "#;
 
-/// What walls give, what is stored, what moves and what contacts lose add up.
+/// The work of the walls equals stored, kinetic and dissipated energy.
 #[test]
 fn the_energy_of_boxes_on_a_moving_table_adds_up() {
     for motion in [
@@ -364,7 +365,7 @@ fn the_energy_of_boxes_on_a_moving_table_adds_up() {
     }
 }
 
-/// A small box on a large one, whichever comes first: the overlap counts from a billionth of the small one on.
+/// A small box on a large one, in either order: the overlap counts from a billionth of the small box on.
 #[test]
 fn a_small_body_feels_a_large_one_in_any_order() {
     let (large, small) = (cuboid(Vec3::repeat(1.0)), cuboid(Vec3::repeat(1e-3)));
@@ -375,7 +376,7 @@ fn a_small_body_feels_a_large_one_in_any_order() {
         for (a, b, r) in [(&large, &small, r), (&small, &large, -r)] {
             match Overlap.touch(a, b, &r, None) {
                 Outcome::Touching(touch) => {
-                    // Of a slab; places have the rounding of the large one.
+                    // Closed form of a slab; positions have the rounding of the large box.
                     let thickness = depth / (1.0 + 2.0 * (depth / 1e-3).powi(2)).sqrt();
                     let off = (touch.overlap - thickness).abs();
                     assert!(off < 3e-16, "{depth:e}: {touch:?}");

@@ -1,4 +1,4 @@
-//! `dem-contact` as a user meets it, against the independent reference: see `tests/reference/README.md`.
+//! `dem-contact` from the command line, against the independent reference: see `tests/reference/README.md`.
 
 use crate::support::reference;
 use dem_mpi::contact::{Epa, ErodedGjk, Method, Outcome, ordered, table};
@@ -19,7 +19,7 @@ fn dem_contact(arguments: &[&str], input: &str) -> Output {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    // A program that has no use for its input may be gone by now.
+    // A program that ignores its input may have ended already.
     let _ = child.stdin.take().unwrap().write_all(input.as_bytes());
     child.wait_with_output().unwrap()
 }
@@ -42,7 +42,7 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Every row has the bits that the library gives for that pair.
+/// Checks that every row has the same bits as the library's result for that pair.
 fn check_bits(file: &str, arguments: &[&str], method: &Method) {
     let text = reference(file);
     let output = dem_contact(&[&["-", "--repeats", "1"], arguments].concat(), &text);
@@ -80,7 +80,7 @@ fn check_bits(file: &str, arguments: &[&str], method: &Method) {
                 met[0] += 1;
             }
             Outcome::Apart(bound) => {
-                // A batch may find another bound, which near touch differs by rounding.
+                // A batch may find another bound, which differs by rounding near touch.
                 let rounding = 4e-16 * (a.shape.bounding_radius() + b.shape.bounding_radius());
                 assert!(number(row, "overlap") <= rounding - bound, "{file} {}", row["id"]);
                 met[1] += 1;
@@ -117,7 +117,7 @@ fn the_program_gives_the_bits_of_the_library() {
     check_bits("caseI.csv", &plain, &Method::Epa(Epa { polish: false, ..epa }));
 }
 
-/// Unions have a row for each place: closed forms of balls, and a box in two blocks has the row of the box.
+/// Unions have a row for each contact. Balls have closed forms, and a box in two blocks has the same row as the whole box.
 #[test]
 fn unions_have_a_row_for_each_place() {
     let ball = |x: f64, z: f64| format!("{{\"r\": 1, \"c\": [{x}, 0, {z}]}}");
@@ -154,7 +154,7 @@ fn unions_have_a_row_for_each_place() {
         near("C", Vec3::new(x, 0.0, 0.95));
         near("PA", Vec3::new(x, 0.0, 1.0));
         near("F", Vec3::z() * 0.1);
-        // About the middle of the first dimer.
+        // The moment is about the middle of the first dimer.
         near("M", Vec3::y() * (0.1 * (1.0 - x)));
         assert!((number(row, "energy") - 0.005).abs() < 1e-15);
         assert_eq!(row["solver"], "pieces");
@@ -167,7 +167,7 @@ fn unions_have_a_row_for_each_place() {
         let [found, expected] = [&cut, &whole].map(|rows| number(rows[0], column));
         assert!((found - expected).abs() < 1e-12, "{column}: {found} but {expected}");
     }
-    // The law of a scene, in each place.
+    // The law of a scene in each contact.
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("scene.toml");
     std::fs::write(&scene, crate::support::completed("")).unwrap();
@@ -187,14 +187,14 @@ fn unions_have_a_row_for_each_place() {
     assert!(said(&empty).contains("UA: a union has one piece or more"), "{}", said(&empty));
 }
 
-/// Clearances too are those of the reference, and continuous through touching.
+/// Clearances agree with the reference, too, and are continuous through touching.
 #[test]
 fn overlaps_have_their_sign() {
     for file in ["caseI.csv", "caseIII_public.csv", "extreme_public.csv"] {
         let text = reference(file);
         let answers = rows(&dem_contact(&["-", "--repeats", "0"], &text).stdout);
         for (row, answer) in rows(text.as_bytes()).iter().zip(&answers) {
-            // Without a unique normal the last stage answers, to its own tolerance; or none does.
+            // Without a unique normal the last stage answers to its own tolerance, or no stage answers.
             if row["unique"] == "0" {
                 continue;
             }
@@ -262,7 +262,7 @@ fn superellipsoids_of_any_exponent_and_solids_are_read() {
     let output = dem_contact(&["-", "--repeats", "0"], &text);
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     for answer in rows(&output.stdout) {
-        // Along x all of them reach to 1; one with crests overlaps less along another way.
+        // All of them reach to 1 along x; one with crests has a smaller overlap along another direction.
         let short = 0.5 - number(&answer, "overlap");
         let expected = if answer["id"] == "1.6" { 0.01..0.1 } else { -1e-14..1e-14 };
         assert!(expected.contains(&short), "{answer:?}");
@@ -275,7 +275,7 @@ fn superellipsoids_of_any_exponent_and_solids_are_read() {
     }
 }
 
-/// Ellipsoids a metre apart, of these semi-axes.
+/// Ellipsoids a metre apart, with these semi-axes.
 fn ellipsoids_of(sizes: impl Iterator<Item = f64>) -> String {
     let mut text =
         "id,aA,bA,cA,aB,bB,cB,xA,yA,zA,qwA,qxA,qyA,qzA,xB,yB,zB,qwB,qxB,qyB,qzB\n".to_owned();
@@ -286,7 +286,7 @@ fn ellipsoids_of(sizes: impl Iterator<Item = f64>) -> String {
     text
 }
 
-/// A hundred sizes, each of which comes again after all the others, are a hundred shapes.
+/// A hundred sizes that recur in turn make only a hundred shapes.
 #[test]
 fn shapes_that_come_up_again_are_not_new() {
     let pairs = 70_000;
@@ -298,13 +298,13 @@ fn shapes_that_come_up_again_are_not_new() {
         let (a, b, _) = read_back.posed(pair as usize);
         assert_eq!([a, b].map(|body| body.shape.semi_axes().x), [size(pair); 2], "{pair}");
     }
-    // So many that are all different are still too many.
+    // The limit holds for shapes that are all different.
     let text = ellipsoids_of((0..pairs).map(|pair| 1.0 + f64::from(pair) / 1e6));
     let error = read("sizes", &text).unwrap_err().to_string();
     assert_eq!(error, "sizes:65538: more than 65,536 different shapes: split the file");
 }
 
-/// So far apart that the square of the distance overflows: the closed form still says apart, but nobody how far.
+/// At a distance whose square overflows, the row has no numbers and no solver.
 #[test]
 fn nobody_is_named_where_there_is_no_answer() {
     let pair =
@@ -320,15 +320,15 @@ fn nobody_is_named_where_there_is_no_answer() {
     assert_eq!(solvers, [("sphere-sphere".into(), false), (String::new(), true)]);
 }
 
-/// Erosion and EPA as the paper has them are the library's defaults.
+/// Erosion and EPA have the paper's parameters by default.
 #[test]
 fn defaults_are_the_papers() {
     assert_eq!((ErodedGjk::default().ratio, ErodedGjk::default().increment), (0.05, 0.01));
     assert_eq!(Epa::default().tolerance, 1e-8);
 }
 
-/// `--law` with JKR across a gap: nothing in a pair that has not touched, the theory's force and energy in one that has, and nothing
-/// beyond the gap at which contacts end.
+/// `--law` with JKR across a gap. A pair that has not touched has no force, and one that has touched has the theory's force and
+/// energy. Beyond the gap at which contacts end the force is zero.
 #[test]
 fn a_law_says_what_acts_across_a_gap() {
     let (radius, modulus, work) = (1e-3_f64, 0.5 * 1e8 / (1.0 - 0.09), 0.1_f64);
@@ -340,7 +340,7 @@ fn a_law_says_what_acts_across_a_gap() {
         shape = [{ name = \"ball\", kind = \"sphere\", radius = 0.01 }]\ntime = { step = 1e-7, steps = 1 }\n\
         output = { directory = \"out\" }\nfill.lattice = [{ first = [0.5, 0.5, 0.5], count = [1, 1, 1] }]\n";
     std::fs::write(&path, scene).unwrap();
-    // A contact radius for which both surfaces are apart.
+    // A contact radius at which the surfaces are apart.
     let reduced = 0.5 * radius;
     let pi = std::f64::consts::PI;
     let a = 0.6 * (2.0 * pi * work * reduced * reduced / modulus).cbrt();
@@ -361,7 +361,7 @@ fn a_law_says_what_acts_across_a_gap() {
         arguments.extend(touched.then_some("--touched"));
         let output = dem_contact(&arguments, &pair);
         let row = &rows(&output.stdout)[0];
-        // The gap is the difference of lengths of 2 mm.
+        // The gap is a difference of lengths of 2 mm.
         let close = |found: f64, expected: f64| (found - expected).abs() <= 1e-6 * expected.abs();
         let found = vector(row, "law_F");
         assert!(
@@ -373,7 +373,8 @@ fn a_law_says_what_acts_across_a_gap() {
     }
 }
 
-/// `--law` has the force, moment and energy of the scene's law: two balls with Hertz' contact and adhesion, and with linear springs.
+/// `--law` gives the force, moment and energy of the scene's law: two balls with Hertz contact and adhesion, and with linear
+/// springs.
 #[test]
 fn a_law_says_what_acts() {
     let scene = |law: &str, material: &str| {
@@ -404,13 +405,13 @@ fn a_law_says_what_acts() {
             0.4 * hertz * overlap - pulls * overlap,
         ),
     ] {
-        // What is in the scene besides acts on no pair, an outlet that would take both least of all.
+        // Other parts of the scene do not act on a pair, not even an outlet that would remove both bodies.
         let outlet = "outlet = [{ name = \"low\", point = [0, 0, 0.1], normal = [0, 0, 1] }]\n";
         std::fs::write(&path, scene(law, material) + outlet).unwrap();
         let output = dem_contact(&["-", "--repeats", "0", "--law", path.to_str().unwrap()], &pair);
         assert!(output.status.success(), "{}", said(&output));
         let row = &rows(&output.stdout)[0];
-        // The overlap is the difference of lengths of 3 mm.
+        // The overlap is a difference of lengths of 3 mm.
         let close = |found: f64, expected: f64| (found / expected - 1.0).abs() < 1e-9;
         let found = vector(row, "law_F");
         assert!(

@@ -1,4 +1,4 @@
-//! Contact resolution against answers computed with 50 digits: see `tests/reference/README.md`.
+//! Contact resolution against answers with 50 digits: see `tests/reference/README.md`.
 
 use dem_mpi::contact::{
     CommonNormal, ContactResolver, Epa, ErodedGjk, Method, Outcome, Posed, SphereSphere, Touch,
@@ -10,14 +10,14 @@ use std::collections::BTreeMap;
 
 /// Backward error of a good method relative to the longest semi-axis: a few hundred roundings.
 const BACKWARD: f64 = 1e-13;
-/// GJK at a relative duality gap of 1e-14: the direction's error is the square root of what rounding
-/// leaves of the distance, the overlap's goes with its first power as the direction is off the minimum.
+/// GJK at a relative duality gap of 1e-14. The error of the direction is the square root of the rounding of the
+/// distance. The overlap's error is linear in it, as the direction is off the minimum.
 const TIGHT: f64 = 1e-14;
 const TIGHT_DIRECTION: f64 = 1.5e-7;
 const TIGHT_OVERLAP: f64 = 5e-9;
 const TIGHT_POINT: f64 = 1e-7;
 
-/// A pair of ellipsoids and what is known of it.
+/// A pair of ellipsoids and its reference answer.
 struct Case {
     id: String,
     tag: String,
@@ -50,7 +50,7 @@ impl Case {
         }
     }
 
-    /// Overlap within `tolerance` of the longest semi-axis; apart counts as zero or less.
+    /// Checks the overlap to `tolerance` of the longest semi-axis; apart counts as zero or less.
     fn check_overlap(&self, touch: Option<&Touch>, tolerance: f64) {
         let tolerance = tolerance * self.size;
         let good = match touch {
@@ -60,7 +60,7 @@ impl Case {
         assert!(good, "{} {}: {touch:?} but the overlap is {:e}", self.id, self.tag, self.overlap);
     }
 
-    /// Everything to rounding error, as far as the problem's condition lets it be known.
+    /// Checks all values to rounding error, as far as the condition of the problem allows.
     fn check_exact(&self, touch: Option<&Touch>) {
         self.check_overlap(touch, BACKWARD);
         let Some(touch) = touch.filter(|_| self.unique) else { return };
@@ -139,8 +139,8 @@ fn case_3() -> Vec<Case> {
     cases(include_str!("../reference/caseIII_public.csv"))
 }
 
-/// Aspect ratios to 100, size ratios to 1000, overlaps of 1e-15, deep, far away, other units; without the
-/// pairs whose centres coincide.
+/// Aspect ratios to 100, size ratios to 1000, overlaps of 1e-15, deep, far away, other units. Pairs with
+/// coincident centres are left out.
 fn extreme() -> Vec<Case> {
     let mut all = cases(include_str!("../reference/extreme_public.csv"));
     all.retain(|case| case.r != Vec3::zeros());
@@ -182,7 +182,7 @@ fn epa_in_extreme_cases() {
     }
 }
 
-/// The methods with what they fall back on answer every pair, and only erosion gives too much.
+/// The methods with their fallbacks answer every pair, and only erosion overestimates.
 #[test]
 fn every_method_answers_every_pair() {
     let erosion = ErodedGjk::default();
@@ -213,7 +213,7 @@ fn every_method_answers_every_pair() {
     }
 }
 
-/// Where the centres coincide no normal is the right one: a method may give up, but not be wrong.
+/// With coincident centres no normal is unique: a method may fail, but not be wrong.
 #[test]
 fn coincident_centres() {
     let all = cases(include_str!("../reference/extreme_public.csv"));
@@ -247,7 +247,7 @@ fn spheres() {
             Outcome::Failed(why) => assert!(row["n"].is_null(), "{}: {why:?}", row["id"]),
             Outcome::Touching(touch) => {
                 assert!((touch.overlap - number("overlap")).abs() <= error, "{}", row["id"]);
-                // The files' points are rounded where they stand, the normals come from rounded centres.
+                // The files' points are rounded in place, and the normals come from rounded centres.
                 let far = 4.0 * f64::EPSILON * (centre.norm() + r.norm());
                 assert!(
                     angle(&touch.normal, &vector("n")) <= 1e-15 + error / r.norm(),
@@ -264,7 +264,7 @@ fn spheres() {
     }
 }
 
-/// The exact limit of the paper's method, pair by pair.
+/// Exact limit of the paper's method, pair by pair.
 #[test]
 fn erosion_row_by_row() {
     let all: BTreeMap<_, _> = case_3().into_iter().map(|case| (case.id.clone(), case)).collect();
@@ -292,8 +292,8 @@ fn close(value: f64, expected: f64, relative: f64) -> bool {
     (value - expected).abs() <= relative * expected
 }
 
-/// The errors that the paper reports for Case III, here to the digits of the independent reference; at
-/// its default tolerance GJK adds little to them.
+/// Errors of Case III in the paper, to the digits of the independent reference. At its default tolerance GJK adds
+/// little to them.
 #[test]
 fn erosion_errors_of_case_3() {
     for (tolerance, relative) in [(TIGHT, 0.02), (ErodedGjk::default().tolerance, 0.1)] {
@@ -316,8 +316,8 @@ fn erosion_errors_of_case_3() {
     }
 }
 
-/// Case I of the paper: touching ellipsoids are given an overlap of 0.1 % of the short axis, a normal
-/// about 3 degrees off and, by symmetry, the right contact point.
+/// Case I of the paper. Touching ellipsoids get an overlap of 0.1 % of the short axis, a normal about 3 degrees
+/// off and, by symmetry, the right contact point.
 #[test]
 fn erosion_in_case_1() {
     let erosion = ErodedGjk { tolerance: TIGHT, ..ErodedGjk::default() };
@@ -332,11 +332,11 @@ fn erosion_in_case_1() {
     }
 }
 
-/// The scale at which both bodies just touch, by another theory (Perram and Wertheim 1985), and the ratio on which
-/// erosion of 5 %, 1 % at a time, ends.
+/// Scale at which both bodies just touch (Perram and Wertheim 1985), and the final ratio of erosion of 5 % in
+/// steps of 1 %.
 #[test]
 fn touch_scales() {
-    // Nearer to touch, or to the end of an erosion, rounding decides.
+    // Closer to touch, or to the end of an erosion, rounding decides.
     const TOUCH: f64 = 1e-14;
     const EROSION: f64 = 1e-9;
     let all = case_1().into_iter().chain(case_2()).chain(case_3());
@@ -345,7 +345,7 @@ fn touch_scales() {
     let chain = chain.get((Kind::Ellipsoid, Kind::Ellipsoid)).unwrap();
     let paper = ErodedGjk { tolerance: 1e-10, ..ErodedGjk::default() };
     for row in rows(include_str!("../reference/touch_scale.csv")) {
-        // Not there: the centres coincide.
+        // Pairs with coincident centres are left out.
         let Some(case) = all.get(&row["id"]) else { continue };
         let scale = row["touch_scale"].parse::<f64>().unwrap();
         if (scale - 1.0).abs() > TOUCH {
@@ -355,12 +355,13 @@ fn touch_scales() {
         let ends = row["erosion_ratio_5pct_plus_1pct"].as_str();
         let found = case.resolve(&paper);
         let Ok(ratio) = ends.parse::<f64>() else {
-            // Apart without erosion may still be a spurious contact; never apart is said so.
+            // Pairs that are apart may have a spurious contact; pairs that never separate are reported as
+            // failures.
             let failed = matches!(found, Outcome::Failed(_));
             assert_eq!(failed, ends == "never", "{} {}: {found:?}, {ends}", case.id, case.tag);
             continue;
         };
-        // With this ratio alone, and no other tried.
+        // Erosion with this ratio alone.
         let alone = |ratio: f64| {
             let increment = 1.98 * (1.0 - ratio);
             case.resolve(&ErodedGjk { ratio, increment, ..paper })

@@ -1,9 +1,9 @@
-//! What no pair may do to contact resolution: bodies of aspect ratio 100, a thousand times as large as their
-//! partners, in any unit, overlapping by a rounding error or wholly. An answer is a number, "apart" is true, and
-//! neither the order of the bodies nor the frame of reference matters.
+//! Contact resolution under extreme pairs: aspect ratio 100, size ratio 1000, any unit, overlaps from rounding errors
+//! to whole bodies. An answer is a number, "apart" is true, and neither the order of the bodies nor the frame of
+//! reference matters.
 //!
-//! The pairs are the same in every run. `DEM_MPI_FUZZ_SECONDS=600` tries others for ten minutes instead; what
-//! fails is shrunk and printed.
+//! The pairs are identical in every run. `DEM_MPI_FUZZ_SECONDS=600` tries other pairs for ten minutes instead. A
+//! failing pair is shrunk and printed.
 
 use crate::support::random::Draw;
 use crate::support::scaled;
@@ -23,13 +23,13 @@ use std::time::{Duration, Instant};
 
 /// Random pairs per property.
 const CASES: u32 = 400;
-/// Rounding of an overlap relative to the longer of both bodies.
+/// Rounding of an overlap relative to the longer bounding radius.
 const ROUNDING: f64 = 1e-13;
 
-/// The largest part of these pairs that a stage may pass on.
+/// Largest fraction of these pairs that a stage may pass on.
 const MOST_PASSED_ON: f64 = 1e-3;
 
-/// A body: its shape in units of the pair's length, and how it lies.
+/// A body: its shape in units of the pair's length, and its orientation.
 #[derive(Clone, Debug)]
 struct Body {
     shape: Shape,
@@ -49,7 +49,7 @@ impl Body {
         Self { shape: self.shape.clone(), frame: turn * self.frame }
     }
 
-    /// Normals of faces and vectors along edges, if it has any.
+    /// Normals of faces and vectors along edges, if the shape has any.
     fn faces_and_edges(&self) -> [Vec<Vec3>; 2] {
         let Core::Hull(hull) = self.shape.core() else { return Default::default() };
         let faces = hull.planes().iter().map(|plane| self.frame * plane.normal);
@@ -69,7 +69,7 @@ struct Case {
     a: Body,
     b: Body,
     r: Vec3,
-    /// `δ` along this normal is `depth`: the overlap is at most that.
+    /// `δ` along this normal is `depth`, so the overlap is at most `depth`.
     normal: Vec3,
     depth: f64,
 }
@@ -84,7 +84,7 @@ impl Case {
         resolver.touch(&self.a.posed(), &self.b.posed(), &self.r, warm)
     }
 
-    /// `δ(n)`
+    /// `δ(n)`, the overlap along a normal.
     fn delta(&self, normal: &Vec3) -> f64 {
         let on_a = self.a.posed().support(normal);
         let on_b = self.b.posed().support(&-normal);
@@ -96,16 +96,16 @@ impl Case {
         self.a.shape.bounding_radius().max(self.b.shape.bounding_radius())
     }
 
-    /// At most what an exhaustive search over directions finds: a grid, the axes of both bodies, their faces
-    /// and pairs of edges, the normal of the construction, and from the best of them downhill in ever smaller
-    /// steps.
+    /// Upper bound of the overlap from a search over directions. It starts from a grid, the axes of both bodies, their
+    /// faces and pairs of edges, and the normal of the construction. From the best three it goes downhill in ever
+    /// smaller steps.
     fn searched_overlap(&self) -> f64 {
         const GRID: i32 = 500;
         let axes = [&self.a, &self.b].into_iter().flat_map(|body| body.frame.column_iter());
         let mut starts: Vec<Vec3> = axes.flat_map(|axis| [axis.into_owned(), -axis]).collect();
         starts.extend(self.normals_of_solids());
         starts.extend([self.normal, self.r.try_normalize(0.0).unwrap_or_else(Vec3::x)]);
-        // Whoever found it, what a direction says is true.
+        // The overlap along any direction is a true bound, whatever method found the direction.
         starts.extend(clearance(&self.a.posed(), &self.b.posed(), &self.r).map(|t| t.normal));
         starts.extend((0..GRID).map(|i| {
             let z = 1.0 - 2.0 * (f64::from(i) + 0.5) / f64::from(GRID);
@@ -118,7 +118,7 @@ impl Case {
         ranked.iter().take(3).map(|start| self.downhill(*start)).fold(f64::INFINITY, f64::min)
     }
 
-    /// If solids are apart, or overlap by little, a face or two edges tell by how much.
+    /// Normals of faces and edge pairs, one of which gives the exact distance or a small overlap of solids.
     fn normals_of_solids(&self) -> Vec<Vec3> {
         let [[faces_a, edges_a], [faces_b, edges_b]] =
             [&self.a, &self.b].map(Body::faces_and_edges);
@@ -148,7 +148,7 @@ impl Case {
     }
 }
 
-/// Every shape there is but walls. A new one comes here.
+/// Every shape but walls. New shapes belong here.
 fn shape() -> impl Strategy<Value = Shape> {
     let size = || (0.0..=2.0_f64).prop_map(|power| 10f64.powf(-power));
     let lengths = move || [size(), size(), size()].prop_map(Vec3::from);
@@ -176,7 +176,7 @@ fn shape() -> impl Strategy<Value = Shape> {
     ]
 }
 
-/// From a box to a double cone.
+/// Exponents from a box to a double cone.
 fn exponent() -> impl Strategy<Value = f64> {
     prop_oneof![
         4 => 0.1..=2.0,
@@ -185,7 +185,7 @@ fn exponent() -> impl Strategy<Value = f64> {
     ]
 }
 
-/// Corners on the unit sphere, or of a box: faces that can be flush.
+/// Corners on the unit sphere, or of a box, whose faces can be flush.
 fn points() -> impl Strategy<Value = Vec<Vec3>> {
     let corner = (-1.0..=1.0_f64, -std::f64::consts::PI..std::f64::consts::PI).prop_map(
         |(z, angle): (f64, f64)| {
@@ -216,7 +216,7 @@ fn body() -> impl Strategy<Value = Body> {
     (shape(), rotation()).prop_map(|(shape, frame)| Body { shape, frame })
 }
 
-/// Along the overlap from 1e-16 of the smaller body to right through it, or as far apart.
+/// Pairs with an overlap or a gap from 1e-16 to twice the smaller inscribed radius.
 fn case() -> impl Strategy<Value = Case> {
     let smaller = (0.0..=3.0_f64).prop_map(|power| 10f64.powf(-power));
     let depth = (any::<bool>(), -16.0..0.3_f64);
@@ -239,12 +239,12 @@ impl Subject {
         self.table.get((case.a.shape.kind(), case.b.shape.kind())).expect("all kinds are served")
     }
 
-    /// How far the overlap of a case may be above the least, relative to the size.
+    /// Largest allowed excess of the overlap over the least overlap, relative to the size.
     fn excess(&self, case: &Case) -> f64 {
         let kinds = [case.a.shape.kind(), case.b.shape.kind()];
         let all = |of: fn(Kind) -> bool| kinds.into_iter().all(of);
         let by_epa = |epa: Epa| match case.resolve(&epa, None) {
-            // Erosion answers; how often, is for `the_chain_resolves_what_its_stages_cannot`.
+            // Erosion answers; `the_chain_resolves_what_its_stages_cannot` limits the number of such cases.
             Outcome::Failed(_) => excess_of_erosion(case),
             _ => 2.0 * epa.tolerance,
         };
@@ -259,10 +259,10 @@ impl Subject {
     }
 }
 
-/// How far the overlap by erosion can be above the least, relative to the size. Bodies eroded by a ratio ϱ are apart
-/// along the normal, so that its overlap is at most `ϱ (h_A + h_B)`, which is at most ϱ times both bounding radii. If
-/// ϱ is more than the first ratio, bodies eroded by one increment less intersect, so that the least overlap is at least
-/// `(ϱ - increment)` times both inscribed radii.
+/// Largest excess of the overlap by erosion over the least overlap, relative to the size. Bodies eroded by a ratio ϱ
+/// are apart along the normal. Its overlap is thus at most `ϱ (h_A + h_B)`, which is at most ϱ times both bounding
+/// radii. If ϱ is more than the first ratio, bodies eroded by one increment less intersect. The least overlap is then
+/// at least `(ϱ - increment)` times both inscribed radii.
 fn excess_of_erosion(case: &Case) -> f64 {
     let ErodedGjk { ratio, increment, .. } = ErodedGjk::default();
     let sum = |of: fn(&Shape) -> f64| of(&case.a.shape) + of(&case.b.shape);
@@ -276,7 +276,7 @@ fn subjects() -> Vec<Subject> {
     methods.map(|method| Subject { method, table: table(&method, &Kind::ALL) }).into()
 }
 
-/// Checks a property on the pairs of every run, or on others for as long as the environment says.
+/// Checks a property on the fixed pairs, or on others for the time that the environment variable gives.
 fn for_all<S: Strategy>(
     strategy: &S,
     property: impl Fn(&Subject, S::Value) -> Result<(), TestCaseError>,
@@ -305,7 +305,7 @@ fn for_all<S: Strategy>(
     }
 }
 
-/// The overlap, zero if apart.
+/// Overlap; zero if the bodies are apart.
 fn overlap(outcome: &Outcome) -> Result<f64, TestCaseError> {
     match outcome {
         Outcome::Touching(touch) => Ok(touch.overlap),
@@ -377,7 +377,7 @@ fn the_unit_of_length_changes_no_bit() {
         let method = subject.of(&case);
         let (a, b, r) = (case.a.scaled(unit), case.b.scaled(unit), case.r * unit);
         let there = Case { a, b, r, ..case.clone() }.resolve(method, None);
-        // Solids are made anew from their corners: for the comparison, too.
+        // Solids are rebuilt from their corners, also for the comparison.
         let here = Case { a: case.a.scaled(1.0), b: case.b.scaled(1.0), ..case };
         match (here.resolve(method, None), there) {
             (Outcome::Touching(here), Outcome::Touching(there)) => {
@@ -392,7 +392,7 @@ fn the_unit_of_length_changes_no_bit() {
     });
 }
 
-/// Bodies that approach by a little do not overlap by more than that little more.
+/// Bodies that approach by a small distance gain at most that distance in overlap.
 #[test]
 fn the_overlap_is_continuous_through_touch() {
     const PATH: [f64; 9] = [1e-2, 1e-5, 1e-9, 1e-14, 0.0, -1e-14, -1e-9, -1e-5, -1e-2];
@@ -419,7 +419,7 @@ fn the_overlap_is_continuous_through_touch() {
     });
 }
 
-/// A remembered normal, however wrong, is but a start.
+/// A remembered normal, however wrong, is only a start.
 #[test]
 fn what_is_remembered_changes_nothing() {
     for_all(&(case(), rotation()), |subject, (case, turn)| {
@@ -437,8 +437,7 @@ fn what_is_remembered_changes_nothing() {
     });
 }
 
-/// What a stage passes on, the chain answers; and no stage passes on more than a thousandth of the hardest pairs there
-/// are.
+/// The chain answers every pair that a stage passes on. No stage passes on more than a thousandth of the hardest pairs.
 #[test]
 fn the_chain_resolves_what_its_stages_cannot() {
     const PAIRS: u32 = 4000;
@@ -469,9 +468,9 @@ fn the_chain_resolves_what_its_stages_cannot() {
     }
 }
 
-/// GJK that does not converge never means "apart". Square needles of 1e8:1 with a point in common: corners of GJK's
-/// simplex lie within rounding of a line, so that now and then it stalls, at the eroded bodies or when it is asked
-/// whether the bodies themselves touch. The chain then finds the contact.
+/// A GJK that does not converge never means "apart". The pairs are square needles of 1e8:1 with a common point. Corners
+/// of GJK's simplex then lie within rounding of a line, and it sometimes stalls on the eroded bodies or on the bodies
+/// themselves. The chain still finds the contact.
 #[test]
 fn a_gjk_that_does_not_converge_is_not_apart() {
     const PAIRS: u64 = 4000;
@@ -482,14 +481,14 @@ fn a_gjk_that_does_not_converge_is_not_apart() {
     let checked = ErodedGjk { spurious: false, ..alone };
     let chains = table(&Method::GjkErosion(checked), &Kind::ALL);
     let chain = chains.get((needle.kind(), needle.kind())).expect("all kinds are served");
-    // What GJK could not tell: of the eroded bodies, and of the bodies as they are.
+    // Pairs on which GJK does not converge: for the eroded bodies, and for the full bodies.
     let mut unknown = [0; 2];
     for pair in 0..PAIRS {
         let mut random = Random::of(pair, 0);
         let frames = [(); 2].map(|()| random.rotation().to_rotation_matrix().into_inner());
         let [a, b] = frames.each_ref().map(|frame| Posed::new(&needle, frame));
         let toward = random.direction();
-        // In both, as both are convex and hold their centres.
+        // A point inside both bodies, as both are convex and contain their centres.
         let common = a.support(&toward) * 0.94;
         let r = common - b.support(&-toward) * 0.94;
         assert!(a.contains(&common) && b.contains(&(common - r)), "pair {pair}");
@@ -503,7 +502,7 @@ fn a_gjk_that_does_not_converge_is_not_apart() {
         let Outcome::Touching(touch) = chain.touch(&a, &b, &r, None) else {
             panic!("pair {pair} is lost")
         };
-        // Across both needles, each is at most so wide.
+        // The width across each needle bounds the overlap.
         let widest = 2.0 * 2f64.sqrt() * HALF_WIDTH;
         assert!(touch.overlap > 0.0 && touch.overlap < 2.0 * widest, "pair {pair}: {touch:?}");
     }

@@ -1,4 +1,4 @@
-//! Spherocylinders that lie side by side or on a plane: force and moment are the gradient of the energy, and they come to rest.
+//! Spherocylinders side by side or on a plane: force and moment are the gradient of the energy, and they come to rest.
 
 use crate::contact::overlap::Pose;
 use crate::support::Frame;
@@ -14,10 +14,10 @@ pub(crate) fn rod(length: f64, radius: f64) -> Shape {
     Shape::Spherocylinder(Spherocylinder { length, radius })
 }
 
-/// How parallel the two of a random pose are: their axes differ by about this angle [rad].
+/// Approximate angles between the axes of a random pose [rad].
 const ANGLES: [f64; 4] = [1e-4, 1e-2, 0.1, 1.0];
 
-/// Two spherocylinders, or one and a plane, that overlap by 0.01 to 10 % of a radius, near to parallel or not.
+/// Two spherocylinders, or one and a plane, with an overlap of 0.01 to 10 % of a radius at a given angle.
 fn random_pose<'a>(random: &mut Random, shapes: &'a [Shape], plane: bool, angle: f64) -> Pose<'a> {
     let shapes = [&shapes[0], if plane { &shapes[2] } else { &shapes[1] }];
     let frame = random.frame();
@@ -32,7 +32,7 @@ fn random_pose<'a>(random: &mut Random, shapes: &'a [Shape], plane: bool, angle:
         pose.r = normal * (a.support(&normal).dot(&normal) - overlap);
         return pose;
     }
-    // Somewhere along the first, in a direction across both axes.
+    // A point along the first, in a direction across both axes.
     let [u, v] = frames.map(|frame| frame.column(0).into_owned());
     let across = u.cross(&if angle > 0.5 { v } else { random.direction() }).normalize();
     let along = u * random.between(-1.5, 1.5);
@@ -70,7 +70,7 @@ fn plane() -> Shape {
     Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()))
 }
 
-/// A spherocylinder along x, tilted by an angle about y, whose lower end is so deep below a plane.
+/// A spherocylinder along x, tilted about y, whose lower end overlaps a plane by `depth`.
 fn on_plane(shape: &Shape, tilt: f64, depth: f64) -> Thickness {
     let plane = plane();
     let frame = rotation_about(&Vec3::y(), tilt).to_rotation_matrix().into_inner();
@@ -85,7 +85,7 @@ fn on_plane(shape: &Shape, tilt: f64, depth: f64) -> Thickness {
 fn planes_have_a_spring_under_each_end() {
     let (shape, depth) = (rod(2.0, 0.3), 1e-3);
     for part in [0.0, 0.3, 0.9, 1.0, 1.5, 100.0, 1000.0] {
-        // The other end is higher by so much.
+        // Height difference of the two ends.
         let rise: f64 = part * depth;
         let tilt = (0.5 * rise).asin();
         let other = (depth - rise).max(0.0);
@@ -97,13 +97,13 @@ fn planes_have_a_spring_under_each_end() {
         let lever = tilt.cos() * 0.5 * (depth - other);
         assert!((found.moment() - Vec3::y() * lever).norm() < 1e-12 * depth, "{part}: {found:?}");
     }
-    // Friction resists turning with a quarter of the length: √3/2 of the radius of gyration.
+    // Friction resists twisting with a quarter of the length: √3/2 of the radius of gyration.
     let flat = on_plane(&shape, 0.0, depth);
     let radius = flat.covariance.trace().sqrt();
     assert!((radius * 0.75_f64.sqrt() - 0.5).abs() < 1e-12, "{radius}");
 }
 
-/// Two spherocylinders with their axes at an angle, one over the other, and so deep in each other.
+/// Two spherocylinders at an angle, one above the other, with the given overlap.
 fn crossed(shapes: [&Shape; 2], angle: f64, along: f64, depth: f64) -> Thickness {
     let turn = rotation_about(&Vec3::z(), angle).to_rotation_matrix().into_inner();
     let frames = [Mat3::identity(), turn];
@@ -117,14 +117,14 @@ fn crossed(shapes: [&Shape; 2], angle: f64, along: f64, depth: f64) -> Thickness
 fn sides_have_their_closed_forms() {
     let (long, short) = (rod(4.0, 0.5), rod(1.0, 0.3));
     let depth = 1e-4;
-    // Side by side: as deep as they are, over a term of the round ends.
+    // Side by side the thickness is the depth, over a term of the round ends.
     let flat = crossed([&long, &long], 0.0, 0.0, depth);
     assert!((flat.thickness / depth - 1.0).abs() < 1e-12, "{flat:?}");
     assert!((flat.force() - Vec3::z() * depth).norm() < 1e-12 * depth, "{flat:?}");
-    // Half of their lengths: the centre of force is in the middle of the common part.
+    // Over half of their lengths the centre of force is in the middle of the common part.
     let half = crossed([&long, &long], 0.0, 2.0, depth);
     assert!((half.point.x - 1.0).abs() < 1e-12 && (half.gain - 1.0).abs() < 0.02, "{half:?}");
-    // Crossed at any angle: a parabola.
+    // A parabola, at any angle of crossing.
     for angle in [0.3, 1.0, std::f64::consts::FRAC_PI_2] {
         let found = crossed([&long, &short], angle, 0.0, depth);
         let squared = 24.0 / 35.0 * depth * depth;
@@ -132,7 +132,7 @@ fn sides_have_their_closed_forms() {
         let force = 24.0 / 35.0 * depth;
         assert!((found.force() - Vec3::z() * force).norm() < 2e-3 * depth, "{angle}: {found:?}");
     }
-    // Two ends in line: half of the stiffness.
+    // Two ends in line have half of the stiffness.
     let frames = [Mat3::identity(); 2];
     let r = Vec3::new(2.5 + 0.8 - depth, 0.0, 0.0);
     let found = Pose { shapes: [&long, &short], frames, scales: [1.0; 2], r }.thickness().unwrap();
@@ -144,8 +144,7 @@ fn sides_have_their_closed_forms() {
     assert_eq!(found.covariance, Mat3::zeros());
 }
 
-/// The two orders of a pair agree, one frame is as good as another, and what one body feels is the opposite of what the
-/// other does.
+/// Neither the order of a pair nor the frame of reference matters, and action equals reaction.
 #[test]
 fn order_and_frame_do_not_matter() {
     let shapes = [rod(2.0, 0.3), rod(1.2, 0.5), plane()];

@@ -1,4 +1,5 @@
-//! A body cut in pieces has the contact of the whole; one of any form has a force that is the gradient of its energy.
+//! Bodies of several pieces: a cut body has the contact of the whole, and the force is the gradient of the energy for
+//! any form.
 
 use super::overlap::{cuboid, derivative, solids};
 use crate::shape::unions::{ELL, JACK, cubes, piece};
@@ -17,7 +18,7 @@ fn solid(corners: &[Vec3]) -> Shape {
     Shape::Polyhedron(Box::new(Polyhedron::new(corners).expect("a body")))
 }
 
-/// The box in blocks, so many along each axis.
+/// The box in blocks, with these counts along the axes.
 fn in_blocks(counts: [usize; 3]) -> Union {
     let edge = Vec3::from_fn(|i, _| EDGES[i] / counts[i] as f64);
     let block = cuboid(edge);
@@ -49,7 +50,7 @@ fn cut_boxes() -> Vec<Union> {
     vec![in_blocks([2, 1, 1]), in_blocks([1, 4, 1]), in_blocks([2, 2, 2]), in_wedges()]
 }
 
-/// A body in place: one piece of its own, or several.
+/// A body in place, of one piece or several.
 #[derive(Clone)]
 struct Placed<'a> {
     union: Option<&'a Union>,
@@ -67,7 +68,7 @@ impl<'a> Placed<'a> {
         Self { union: None, shape: Some(shape), frame, scale: 1.0 }
     }
 
-    /// Shapes and axes of its pieces, and where they are.
+    /// Shapes, axes and positions of the pieces.
     fn pieces(&self) -> Vec<(&'a Shape, Mat3, Vec3)> {
         let single = self.shape.map(|shape| (shape, self.frame, Vec3::zeros()));
         let several = self.union.into_iter().flat_map(Union::pieces).map(|piece| {
@@ -87,7 +88,7 @@ impl<'a> Placed<'a> {
     }
 }
 
-/// All contacts of two bodies, seen from the centre of the first.
+/// All contacts of two bodies, relative to the centre of the first.
 fn contacts(a: &Placed, b: &Placed, r: &Vec3) -> Vec<Thickness> {
     let (of_a, of_b) = (a.pieces(), b.pieces());
     let mut numbers = Vec::new();
@@ -110,7 +111,7 @@ fn contacts(a: &Placed, b: &Placed, r: &Vec3) -> Vec<Thickness> {
     thickness_of_pieces(&pairs, oneness).into_iter().map(|found| found.thickness).collect()
 }
 
-/// The largest difference of two contacts: thickness, force, moment and covariance, relative.
+/// Largest relative difference of two contacts in thickness, force, moment and covariance.
 fn difference(one: &Thickness, other: &Thickness, size: f64) -> f64 {
     let d = one.thickness;
     let covariance = (one.covariance - other.covariance).norm() / one.covariance.norm();
@@ -136,7 +137,7 @@ fn a_cut_box_has_the_contact_of_the_whole() {
         let (sort, union) = (round % 3, &cut[round / 3 % 4]);
         let own = union.placement().expect("axes").axes.to_rotation_matrix().into_inner();
         let frame = random.frame();
-        // The axes of the union are those of the box, or stand in another order.
+        // The axes of the union are the box's axes in any order.
         let a = Placed::of(union, frame * own, 1.0);
         let direction = random.frame() * Vec3::z();
         let depth = random.between(0.01, 0.1);
@@ -180,7 +181,7 @@ fn a_cut_box_has_the_contact_of_the_whole() {
     assert!(worst.iter().all(|&worst| worst < 1e-10), "{worst:?}");
 }
 
-/// Force and moment of bodies with dents, of all their contacts, against differences of their energy.
+/// Force and moment over all contacts of bodies with dents, against differences of their energy.
 #[test]
 fn forces_of_unions_are_the_gradient_of_their_energy() {
     let bodies = [cubes(&ELL), cubes(&JACK), in_wedges()];

@@ -1,4 +1,4 @@
-//! The same bits on any number of ranks, and cells that are sheared.
+//! Domains: identical bits on any number of ranks, and sheared cells.
 
 mod ranks_threads;
 mod shear;

@@ -1,5 +1,5 @@
-//! The same bits on any number of ranks, as threads of one process, and after a restart in the middle
-//! on another number. (`tests/program/mod.rs` does the same under MPI.)
+//! Identical bits on any number of ranks, as threads of one process, and after a restart on another
+//! number. (`tests/program/mod.rs` covers MPI.)
 
 use crate::support::{MATERIAL, OnRanks, State, begun, scene};
 use dem_mpi::comm::threads;
@@ -54,7 +54,8 @@ const WALLED: &str = r#"walls = ["-x", "+x", "-y", "+y", "-z"]"#;
 const PERIODIC: &str = r#"periodic = [true, true, false]
 walls = ["-z"]"#;
 
-/// A lid that comes down, and sides that keep a stress: a pair by their mean, two each on its own.
+/// A moving lid and sides that keep a stress: one pair controlled by its mean, two walls each on its
+/// own.
 const SERVOED: &str = r#"walls = ["-x", "+x", "-y", "+y", "-z"]
 [[wall]]
 name = "lid"
@@ -75,7 +76,8 @@ fn crowd(domain: &str, method: &str) -> Scene {
     scene(&CROWD.replace("MATERIAL", MATERIAL).replace("DOMAIN", domain).replace("METHOD", method))
 }
 
-/// On one rank, if it is the same on others, between which particles migrate.
+/// State on one rank. Checks that other numbers of ranks, between which particles migrate, give
+/// identical bits.
 fn changing_hands(scene: &Scene, steps: u64) -> State {
     let scene = OnRanks::of(scene);
     let alone = scene.run(1, steps);
@@ -89,7 +91,7 @@ fn changing_hands(scene: &Scene, steps: u64) -> State {
     alone
 }
 
-/// On one rank, if it is the same on others and over restarts half-way.
+/// State on one rank. Checks that other numbers of ranks and restarts half-way give identical bits.
 fn everywhere(scene: &Scene, steps: u64, restarts: &[[u32; 2]]) -> State {
     OnRanks::of(scene).the_same_on(steps, &[2, 3, 4, 8], restarts)
 }
@@ -126,7 +128,7 @@ fn every_method_is_the_same_on_any_number_of_ranks() {
     }
 }
 
-/// Grains with Hertz-Mindlin contacts: `balls` alone, or ellipsoids with them.
+/// Particles with Hertz-Mindlin contacts: `balls` alone, or ellipsoids with them.
 fn elastic_crowd(balls: bool) -> Scene {
     let material = "[law]\nnormal = \"hertz\"\nlargest_overlap = 0.05\n[[material]]\nname = \"grain\"\ndensity = 2650.0\n\
         youngs_modulus = 1e6\npoisson_ratio = 0.3\nfriction = 0.3\nrestitution = 0.5";
@@ -155,7 +157,7 @@ fn a_hertzian_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     }
 }
 
-/// Bodies whose curvature follows from differences, one by one.
+/// Shapes whose curvature is computed by finite differences, one by one.
 #[test]
 fn hertzian_superellipsoids_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
     let text = elastic_crowd(false)
@@ -176,7 +178,7 @@ fn hertzian_superellipsoids_are_the_same_on_any_number_of_ranks_and_after_a_rest
     assert!(alone.records.len() > 200, "a crowd: {} contacts", alone.records.len());
 }
 
-/// Spheres whose contacts outlive the overlap, where the domain repeats and where it does not.
+/// Spheres with contacts that persist beyond the overlap, in periodic and in bounded domains.
 #[test]
 fn a_crowd_that_sticks_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     let text = elastic_crowd(true)
@@ -199,7 +201,7 @@ fn a_crowd_that_sticks_is_the_same_on_any_number_of_ranks_and_after_a_restart() 
     }
 }
 
-/// The scene of another, with resistance to rolling and twisting.
+/// A scene with added resistance to rolling and twisting.
 fn resisting(text: &str, law: &str) -> Scene {
     let material = "friction = 0.3\nrolling_friction = 0.2\ntwisting_friction = 0.1";
     assert!(text.contains("friction = 0.3"));
@@ -232,7 +234,7 @@ fn crowds_that_resist_rolling_and_stick_are_the_same_on_any_number_of_ranks_and_
     }
 }
 
-/// All kinds of grains in a cell that is sheared.
+/// All kinds of particles in a sheared cell.
 fn sheared_crowd(neighbours: &str) -> Scene {
     let domain =
         "periodic = [true, true, true]\nshear = { along = \"y\", across = \"x\", rate = 80.0 }";
@@ -268,8 +270,8 @@ fn a_sheared_crowd_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     OnRanks::of(&scene).leaves_no_trace(&alone, 1500, &[[1, 3], [3, 1]], folder.path());
 }
 
-/// One to four particles that fall and meet in a corner: most subdomains are empty, also of those that
-/// write a snapshot and take it up again.
+/// One to four particles that meet in a corner. Most subdomains are empty, including some that write a
+/// snapshot and read it again.
 #[test]
 fn more_ranks_than_particles_work() {
     for particles in 1..=4 {
@@ -291,7 +293,7 @@ fn more_ranks_than_particles_work() {
     }
 }
 
-/// The list of pairs is bookkeeping: its skin must not show.
+/// The skin of the pair list does not change the results.
 #[test]
 fn the_skin_does_not_show() {
     let scene = crowd(WALLED, "");
@@ -355,7 +357,7 @@ step = 4e-6
 imbalance = 1.05
 "#;
 
-/// A floor that turns like a table.
+/// A floor that rotates about its normal.
 const TURNING: &str = r#"walls = ["-x", "+x", "-y", "+y"]
 [[wall]]
 name = "table"
@@ -373,8 +375,8 @@ fn boxes_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
     }
 }
 
-/// Eggs that stream through each other in a box that repeats along all axes and is hardly wider than two
-/// halo widths along two of them: every rank's halo reaches round the period.
+/// Particles that stream through each other in a fully periodic box. Along two axes the box is hardly
+/// wider than two halo widths, so every rank's halo reaches round the period.
 const NARROW: &str = r#"
 [domain]
 low = [0.0, 0.0, 0.0]
@@ -419,7 +421,7 @@ fn a_period_hardly_wider_than_two_halos_is_the_same_on_any_number_of_ranks() {
     assert!(alone.number("dissipated") > 0.0, "they meet");
 }
 
-/// The long axis repeats and is cut by two and by three ranks; it is just wide enough for two.
+/// A long periodic axis, cut by two and by three ranks and just wide enough for two.
 #[test]
 fn few_ranks_along_a_period_are_the_same() {
     let text = NARROW
@@ -490,7 +492,8 @@ fn sizes_of_one_to_twenty_are_the_same_on_any_number_of_ranks() {
     assert!(alone.number("dissipated") > 0.0, "they meet");
 }
 
-/// Only what the scene needs travels, and only where there is a pair; the plan says how much.
+/// The halo carries only the data that the scene needs, and only where there is a pair. The plan
+/// predicts its size.
 #[test]
 fn the_halo_is_as_small_as_the_plan_says() {
     for (friction, sand, bytes) in [

@@ -1,4 +1,4 @@
-//! A sheared cell: bodies meet the images that slide as they would meet the bodies themselves, in a space without periods.
+//! A sheared cell: contacts with moving images equal contacts with the bodies themselves in a space without periods.
 
 use crate::support::{begun, save, scene};
 use dem_mpi::cell::{Cell, Shear};
@@ -10,7 +10,7 @@ use dem_mpi::sim::Simulation;
 
 /// Edge of the cell [m].
 const SIDE: f64 = 0.02;
-/// Velocity over height [1/s].
+/// Shear rate [1/s].
 const RATE: f64 = 60.0;
 
 const BALL: &str = "kind = \"sphere\"\nradius = 0.0013";
@@ -47,7 +47,7 @@ fn one(at: Vec3, velocity: Vec3) -> String {
     )
 }
 
-/// Place without periods and velocity in that space, of the particle of an id that began so many images up; then spin.
+/// Position and velocity in the space without periods, and spin, of a particle that began `up` images above.
 fn unfolded(sim: &Simulation, id: u64, up: i32) -> [Vec3; 3] {
     let particles = &sim.particles;
     let slot = particles.id.iter().position(|other| other.0 == id).expect("a grain");
@@ -66,11 +66,11 @@ fn spin(sim: &Simulation, slot: usize) -> Vec3 {
     sim.particles.angular_velocity(slot)
 }
 
-/// Axes along and across in turn.
+/// Axes along and across, in cyclic order.
 const FLOWS: [(&str, usize, &str, usize); 3] =
     [("x", 0, "y", 1), ("y", 1, "z", 2), ("z", 2, "x", 0)];
 
-/// A strikes the image of B that slides above it. In a free space the same pair strikes at the same place.
+/// A collision with the moving image of B equals the collision of the same pair in free space, in place and time.
 #[test]
 fn a_collision_with_an_image_that_slides_is_that_of_free_bodies() {
     for (shape, at) in
@@ -121,7 +121,7 @@ fn a_collision_with_an_image_that_slides_is_that_of_free_bodies() {
                 ];
                 assert!(errors.iter().all(|error| *error < 1e-10), "{shape}, {along}: {errors:?}");
             }
-            // What slides has given all that the bodies of the cell have more.
+            // The moving images supply the additional energy of the bodies in the cell.
             let [here, there] = [&here, &there].map(|sim| sim.measure(&mut Alone::default()));
             let missing = (here.missing() - there.missing()).abs() / here.received;
             assert!(missing < 1e-11, "{shape}, {along}: {missing:e} of the energy is missing");
@@ -129,9 +129,9 @@ fn a_collision_with_an_image_that_slides_is_that_of_free_bodies() {
     }
 }
 
-/// Grains of one shape, with room for any orientation.
+/// Particles of one shape, with room for any orientation.
 fn crowd(shape: &str, material: &str, step: f64) -> Scene {
-    // Two halves that strike each other: what slides in layers would never touch.
+    // Two halves are thrown at each other, because layers that only shear would never touch.
     let half = |first: f64, velocity: f64| {
         format!(
             "[[fill.lattice]]\ncount = [6, 6, 3]\nfirst = [0.0017, 0.0017, {first}]\nspacing = 0.00333\njitter = 0.0001\n\
@@ -143,7 +143,7 @@ fn crowd(shape: &str, material: &str, step: f64) -> Scene {
     text(&sheared("[true, true, true]", "x", "y"), shape, material, &fill, step)
 }
 
-/// What the cell gives is dissipated, moves or is stored: what contacts dissipate is booked exactly.
+/// The work of the cell equals dissipated, kinetic and stored energy; the dissipation of contacts is exact.
 #[test]
 fn nothing_is_missing_from_the_energy_of_a_sheared_crowd() {
     let rough = "friction = 0.4\nrestitution = 0.6";
@@ -164,7 +164,7 @@ fn nothing_is_missing_from_the_energy_of_a_sheared_crowd() {
     }
 }
 
-/// Without friction and dashpots the error of the balance falls with the square of the step.
+/// Without friction and dashpots the energy error falls with the square of the step.
 #[test]
 fn the_balance_of_an_elastic_crowd_is_of_second_order() {
     for shape in [EGG, ROD] {
@@ -184,8 +184,8 @@ fn the_balance_of_an_elastic_crowd_is_of_second_order() {
     }
 }
 
-/// Two ways to know what shears: the energy that comes in through images, and stress times rate times volume (Hill's
-/// condition; the difference is what the contents of the cell keep).
+/// The energy that enters through images equals stress times rate times volume (Hill's condition). The difference stays in
+/// the contents of the cell.
 #[test]
 fn the_work_of_the_cell_is_that_of_its_stress() {
     let mut sim = begun(&crowd(BALL, LOSSY, 4e-6), &mut Alone::default());
@@ -230,14 +230,15 @@ fn the_nearest_image_is_the_shortest_and_wrapping_keeps_it() {
             assert!((images.fold(f64::INFINITY, f64::min) - shift.norm()).abs() < 1e-13);
             let gap = cell.gap([&place, &place], [&other, &other]);
             assert!((gap - shift.norm()).abs() < 1e-13, "{gap}");
-            // Whoever goes up is slower there.
+            // Wrapping subtracts the shear velocity of the images that it passes, and the nearest image adds it back.
             let seen = cell.velocity_of_nearest(&(other - place)) + velocity;
             assert!(seen.norm() < 1e-13, "{seen}");
         }
     }
 }
 
-/// A stage goes on where the images were; one that stops the flow holds them, and no stage forgets them.
+/// A new stage continues from the images' positions, and rate zero keeps them in place. A stage without shear or along
+/// other axes is rejected.
 #[test]
 fn a_new_stage_takes_the_flow_and_the_images_over() {
     let scene_of = |shear: &str| {

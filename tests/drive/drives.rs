@@ -1,4 +1,4 @@
-//! Drives that the library does not know: a spout that inserts grains and an outlet that takes out what falls through the
+//! Drives from outside the library: a spout that inserts particles and an outlet that removes those that fall through the
 //! bottom.
 
 use crate::support::{MATERIAL, OnRanks, State, scene};
@@ -26,7 +26,7 @@ fn saved(count: u64) -> Vec<SavedColumn> {
     vec![SavedColumn::new(COUNT, Values::Counts(vec![count]))]
 }
 
-/// Drops a grain every 150 steps, at four places in turn.
+/// Inserts a particle every 150 steps, at four places in turn.
 struct Spout {
     count: u64,
 }
@@ -66,7 +66,7 @@ impl Reporter for Spout {
     }
 }
 
-/// Takes what leaves through the bottom.
+/// Removes particles that leave through the bottom.
 struct Outlet {
     count: u64,
 }
@@ -102,7 +102,7 @@ impl Reporter for Outlet {
     }
 }
 
-/// Eggs that fall through a box without a bottom.
+/// Ellipsoids that fall through a box without a bottom.
 const SHAFT: &str = r#"
 gravity = [0.5, 0.2, -9.81]
 global_damping = 2.0
@@ -149,7 +149,7 @@ fn count_of(state: &State, drive: &str) -> u64 {
     saved.counts(&COUNT).unwrap()[0]
 }
 
-/// What comes in and goes out is the same on any number of ranks, and nothing is missing from the balance.
+/// Inserted and removed particles are identical on any number of ranks, and the energy error is small.
 #[test]
 fn grains_come_and_go_the_same_on_any_number_of_ranks() {
     let (scene, steps) = (shaft(), 4000);
@@ -158,7 +158,7 @@ fn grains_come_and_go_the_same_on_any_number_of_ranks() {
     let first = scene.particle_count();
     assert!(first > 500 && sent == 26, "{first} {sent}");
     assert!(taken > 300 && alone.bits.len() as u64 == first + sent - taken, "{taken} are gone");
-    // What a grain that leaves gives to those that it touches in its last step is not booked.
+    // The work of a leaving particle on its partners in its last step is not counted.
     let [missing, dissipated] = ["missing", "dissipated"].map(|name| alone.number(name));
     println!("{taken} of {first} are gone, {missing:e} J of {dissipated:e} J is missing");
     assert!(missing.abs() < 1e-4 * dissipated, "{missing:e} J of {dissipated:e} J is missing");
@@ -177,7 +177,7 @@ fn grains_come_and_go_the_same_on_any_number_of_ranks() {
     assert!(alone == again, "a restart");
 }
 
-/// The skin of the list of pairs decides when it is made anew, but not when a grain leaves.
+/// The skin of the pair list decides when the list is rebuilt, but not when a particle leaves.
 #[test]
 fn the_skin_does_not_show_in_what_leaves() {
     let scene = shaft();
@@ -187,7 +187,7 @@ fn the_skin_does_not_show_in_what_leaves() {
     assert!(usual == on_ranks(&wide).run(2, 1500));
 }
 
-/// One egg, turning, damped, alone: to rounding.
+/// One damped, rotating ellipsoid without contacts: the energy balance holds to rounding.
 #[test]
 fn a_free_grain_takes_its_energy_with_it() {
     let text = SHAFT
@@ -216,11 +216,11 @@ fn a_free_grain_takes_its_energy_with_it() {
     assert!(after.dissipated > 0.0 && after.received > 0.0);
     let missing = [before.missing(), after.missing()].map(|missing| missing / before.kinetic());
     assert!((missing[0] - missing[1]).abs() < 1e-12, "{missing:?}");
-    // A walk through an empty box.
+    // A step with an empty box.
     sim.step(&mut comm).unwrap();
 }
 
-/// What no drive takes is lost, as if there were no outlet.
+/// A particle that no drive removes is lost, as without an outlet.
 #[test]
 fn an_outlet_takes_only_what_is_its_own() {
     let open = SHAFT
@@ -246,7 +246,7 @@ fn an_outlet_takes_only_what_is_its_own() {
     }
 }
 
-/// What another version has saved is refused, with the drive's name and what to do.
+/// A saved state with other columns is rejected, with the drive's name and advice.
 #[test]
 fn a_state_that_does_not_fit_is_refused() {
     let columns = vec![SavedColumn::new(COUNT, Values::Reals(vec![7.0]))];

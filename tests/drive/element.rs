@@ -1,4 +1,4 @@
-//! Periodic cells that are strained as a whole, against closed forms: lattices, free grains, energies, targets of stress.
+//! Periodic cells under homogeneous strain, against closed forms: lattices, free particles, energies, stress targets.
 
 use crate::support::{OnRanks, begun, close, expect_refused, save, scene};
 use dem_mpi::cell::{Cell, Strained};
@@ -12,12 +12,12 @@ use std::fmt::Write as _;
 
 /// Diameter of the balls of lattices [m].
 const DIAMETER: f64 = 1e-3;
-/// Stiffness of their contacts along the normal [N/m].
+/// Normal stiffness of their contacts [N/m].
 const NORMAL: f64 = 1e4;
-/// Stiffness across it [N/m].
+/// Tangential stiffness of their contacts [N/m].
 const TANGENTIAL: f64 = 6e3;
 
-/// Edges of the cell of a lattice over the distance of neighbours, and the balls in it, in edges.
+/// Edge of the cubic cell of a lattice over the distance of neighbours, and its balls in units of the edge.
 type Lattice = (f64, &'static [[f64; 3]]);
 
 const SIMPLE: Lattice = (1.0, &[[0.0; 3]]);
@@ -25,7 +25,7 @@ const BODY_CENTRED: Lattice = (1.154_700_538_379_251_5, &[[0.0; 3], [0.5; 3]]);
 const FACE_CENTRED: Lattice =
     (std::f64::consts::SQRT_2, &[[0.0; 3], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5], [0.5, 0.5, 0.0]]);
 
-/// Balls on a lattice whose neighbours overlap by this part of the diameter.
+/// Balls on a lattice whose neighbours overlap by this fraction of the diameter.
 fn lattice(
     (edge, balls): Lattice,
     count: u32,
@@ -80,8 +80,8 @@ fn moduli(of: Lattice, count: u32, overlap: f64) -> [f64; 3] {
     [along(0), along(1), across(3)]
 }
 
-/// Every ball is a centre of symmetry, so a lattice strains alike everywhere, and its moduli are sums over the bonds of one ball. An
-/// overlap at the start adds to them in proportion.
+/// Every ball is a centre of symmetry, so the strain is uniform and the moduli are sums over the bonds of one ball. An initial overlap
+/// adds to them in proportion.
 #[test]
 fn lattices_have_the_moduli_of_their_bonds() {
     let (kn, kt) = (NORMAL, TANGENTIAL);
@@ -101,7 +101,7 @@ fn lattices_have_the_moduli_of_their_bonds() {
         for k in 0..3 {
             let errors = [small[k], large[k]].map(|found| (found - expected[k]) / kn);
             println!("{name} {k}: {errors:?}");
-            // The half of an error that halves with the overlap is left out.
+            // Extrapolation to zero overlap removes the part of the error that is proportional to the overlap.
             let rest = 2.0 * errors[0] - errors[1];
             assert!(rest.abs() < 1e-6, "{name}, modulus {k}: {rest:e} beside the overlap");
             assert!(errors[0].abs() < 3e-6, "{name}, modulus {k}: {errors:?}");
@@ -109,7 +109,7 @@ fn lattices_have_the_moduli_of_their_bonds() {
     }
 }
 
-/// `p = (4 sqrt 2 / 3) E* e^(3/2) / (1 - e)^2` of smooth balls, at every strain.
+/// `p = (4 sqrt 2 / 3) E* e^(3/2) / (1 - e)^2` for smooth balls, at every strain.
 #[test]
 fn a_face_centred_lattice_of_hertz_follows_its_closed_form() {
     let material = "youngs_modulus = 1e9\npoisson_ratio = 0.25";
@@ -135,7 +135,7 @@ fn a_face_centred_lattice_of_hertz_follows_its_closed_form() {
     }
 }
 
-/// A cloud in which nothing touches.
+/// Particles without any contact.
 fn cloud(cell: &str, velocity: &str, step: f64) -> Scene {
     scene(&format!(
         "[domain]\nlow = [-0.01, 0.02, 0.03]\nhigh = [0.02, 0.045, 0.055]\nperiodic = [true, true, true]\n[cell]\n{cell}\n\
@@ -148,7 +148,7 @@ fn cloud(cell: &str, velocity: &str, step: f64) -> Scene {
 
 const ALL: &str = "xx = { rate = 0.4 }\nyy = { rate = -0.3 }\nzz = { rate = 0.2 }\nxy = { rate = -3.0 }\nxz = { rate = 2.0 }\nyz = { rate = 1.5 }";
 
-/// The part of each carried edge at which a particle is, without periods.
+/// Position of a particle in units of the cell's edges, without periods.
 fn parts(sim: &Simulation, slot: usize) -> Vec3 {
     let Simulation { particles, .. } = sim;
     let place = particles.cell.unwrapped(particles.position[slot], &particles.image[slot]);
@@ -156,7 +156,7 @@ fn parts(sim: &Simulation, slot: usize) -> Vec3 {
     edges.try_inverse().unwrap() * (place - particles.cell.corners().0)
 }
 
-/// Grains that rest against the flow go with the edges, through many choices of edges and faces.
+/// Particles at rest relative to the flow move with the edges, through many choices of edges and faces.
 #[test]
 fn free_grains_keep_their_parts_of_the_edges() {
     let mut sim = begun(&cloud(ALL, "[0.0, 0.0, 0.0]", 1e-4), &mut Alone::default());
@@ -177,7 +177,7 @@ fn free_grains_keep_their_parts_of_the_edges() {
     assert!(sim.particles.image.iter().take(count).any(|image| image[0].abs() > 1));
 }
 
-/// `v = exp(-L t) v0` of free grains, and their energy, to second order in the step.
+/// `v = exp(-L t) v0` for free particles, and their energy, to second order in the step.
 #[test]
 fn free_grains_slow_down_as_the_flow_says() {
     let simple = "xy = { rate = -3.0 }\nzz = { rate = 0.5 }";
@@ -194,8 +194,7 @@ fn free_grains_slow_down_as_the_flow_says() {
     assert!(errors[0] < 1e-6 && (3.5..4.5).contains(&(errors[0] / errors[1])), "{errors:?}");
 }
 
-/// Grains that strike each other, of a shape and a material: two lattices in each other's gaps, with so many cells of 3.1 mm along each
-/// axis.
+/// Colliding particles of a shape and a material: two interpenetrating lattices, with `count` cells of 3.1 mm along each axis.
 fn crowd(domain: &str, shape: &str, material: &str, count: u32, step: f64) -> String {
     let spacing = 3.1e-3;
     let side = spacing * f64::from(count);
@@ -219,8 +218,7 @@ const BALL: &str = "kind = \"sphere\"\nradius = 0.0012\nsize = { uniform = [0.9,
 const EGG: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.00135, 0.0012, 0.0009]";
 const ROUGH: &str = "friction = 0.4\nrestitution = 0.4";
 
-/// Simple shear at a fixed volume is that of images that slide: two ways to write one motion, of which the difference falls with the
-/// square of the step.
+/// Simple shear at constant volume equals shear by moving images. The difference falls with the square of the step.
 #[test]
 fn simple_shear_is_that_of_sliding_images() {
     let differences = [2e-6, 1e-6].map(|step: f64| {
@@ -244,14 +242,14 @@ fn simple_shear_is_that_of_sliding_images() {
     assert!(differences[0] < 1e-4 && differences[1] < 0.5 * differences[0], "{differences:?}");
 }
 
-/// Compressed to a stress, then sheared under it, through more than one choice of edges.
+/// Two stages: compression to a stress, then shear under that stress, through more than one choice of edges.
 fn pressed(shape: &str) -> [String; 2] {
     let compressed = "[cell]\nisotropic = { stress = 2e4 }\nmax_rate = 20.0";
     let sheared = "[cell]\nxx = { rate = 0.0 }\nyy = { stress = 2e4 }\nzz = { rate = 0.0 }\nxy = { rate = -20.0 }\nmax_rate = 20.0";
     [compressed, sheared].map(|cell| crowd(cell, shape, ROUGH, 5, 3e-6))
 }
 
-/// The stress reaches its target and stays there; what the cell gives is stored, moves or is dissipated.
+/// The stress reaches its target and stays there. The work of the cell equals stored, kinetic and dissipated energy.
 #[test]
 fn a_packing_takes_its_stress_and_loses_no_energy() {
     for (shape, most) in [(BALL, 1e-5), (EGG, 1e-4)] {
@@ -293,12 +291,12 @@ fn a_packing_takes_its_stress_and_loses_no_energy() {
         let missing = measures.missing() / measures.dissipated;
         println!("shear: {missing:e} of {:e} J is missing", measures.dissipated);
         assert!(missing.abs() < most && measures.dissipated > 0.0, "{missing:e}");
-        // Against the flow: shear that does work is positive.
+        // Against the flow: positive shear does work.
         assert!(stress(&sim)[3] < -1e3, "{:?}", stress(&sim));
     }
 }
 
-/// All six at once, and zero among them.
+/// Targets for all six components at once, one of them zero.
 #[test]
 fn all_six_stresses_are_reached() {
     let cell = "[cell]\nxx = { stress = 3e4 }\nyy = { stress = 2e4 }\nzz = { stress = 2e4 }\nxy = { stress = 3e3 }\nxz = { stress = 0 }\n\
@@ -317,12 +315,12 @@ fn all_six_stresses_are_reached() {
     }
 }
 
-/// Through a choice of other edges and targets of stress.
+/// Identical bits while the cell changes its edges and follows stress targets.
 #[test]
 fn a_strained_cell_is_the_same_on_any_number_of_ranks_and_over_restarts() {
     let cell = "[cell]\nxx = { stress = 2e4 }\nyy = { stress = 2e4 }\nzz = { stress = 2e4 }\nxy = { rate = -150.0 }\nxz = { stress = 0.0 }\n\
                 yz = { rate = 70.0 }\nmax_rate = 50.0";
-    // Balls of the second seed come near each other against the flow, where a ghost hardly moves.
+    // With the second seed balls approach each other against the flow, where a ghost hardly moves.
     for (shape, seed) in [(BALL, 1), (BALL, 8), (EGG, 1)] {
         let text = format!("seed = {seed}\n{}", crowd(cell, shape, ROUGH, 4, 3e-6));
         let scene = scene(&(text + "[neighbours]\nimbalance = 1.02\norder_every = 300\n"));
@@ -337,7 +335,7 @@ fn a_strained_cell_is_the_same_on_any_number_of_ranks_and_over_restarts() {
     }
 }
 
-/// Images of a cell that leans are those of its edges, whichever are chosen.
+/// Images of a leaning cell follow its edges, and the nearest one is found for any choice of edges.
 #[test]
 fn images_of_a_leaning_cell_are_nearest() {
     let square = Cell::new(Vec3::new(-1.0, 0.5, 2.0), Vec3::new(3.0, 3.5, 7.0), [true; 3]);
@@ -425,12 +423,13 @@ fn what_does_not_go_with_a_cell_is_refused() {
     ] {
         expect_refused(&good, from, to, said);
     }
-    // The way of given rates is known before.
+    // Given rates fix the path in advance.
     let thin = crowd("[cell]\nzz = { rate = 100.0 }", BALL, ROUGH, 4, 4e-6) + "duration = 0.02\n";
     expect_refused(&thin, "[time]", "[time]", "strained by zz = ");
 }
 
-/// A cell that a stress makes too thin ends the run, and says where it was; a stage without [cell] cannot go on from a strained one.
+/// A cell that becomes too thin under a stress ends the run with an error that states width and strains. A stage without [cell] cannot
+/// continue from a strained one.
 #[test]
 fn a_cell_that_becomes_too_thin_ends_the_run() {
     let cell = "[cell]\nzz = { stress = 1e9 }\nmax_rate = 100.0";

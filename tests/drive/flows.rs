@@ -1,4 +1,4 @@
-//! Grains that appear at a rate and grains that leave: counted, booked, and the same on any number of ranks.
+//! Inlets and outlets: particles are counted and booked, with identical bits on any number of ranks.
 
 use crate::support::{OnRanks, State, begun, expect_refused, save, scene, schedule};
 use dem_mpi::comm::alone::Alone;
@@ -13,7 +13,7 @@ use dem_mpi::sim::run::{Ending, Schedule, run};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// A shaft into which balls and eggs come, and out of which they leave through its bottom and a hatch.
+/// A shaft that balls and ellipsoids enter, and that they leave through its bottom and a hatch.
 const SHAFT: &str = r#"
 gravity = [0.5, 0.2, -9.81]
 [domain]
@@ -81,7 +81,7 @@ history_every = 500
 
 const STEPS: u64 = 3000;
 
-/// The same grains come and go on 1, 2, 3, 4 and 8 ranks and across a restart; none is lost, and the balance closes.
+/// Identical particles enter and leave on 1, 2, 3, 4 and 8 ranks and across a restart; none is lost, and the energy balance closes.
 #[test]
 fn what_comes_and_goes_is_the_same_on_any_number_of_ranks() {
     let scene = scene(SHAFT);
@@ -95,7 +95,7 @@ fn what_comes_and_goes_is_the_same_on_any_number_of_ranks() {
     println!("{missing:e} J of {dissipated:e} J is missing");
     assert!(eggs > 50.0 && balls == 60.0 && bottom > 50.0 && hatch > 30.0);
     assert!((first + eggs + balls - bottom - hatch - alone.bits.len() as f64).abs() < 0.5);
-    // The mass that is due is met to the grain that is next.
+    // The entered mass follows the due mass to less than one particle.
     let due = 0.02 * STEPS as f64 * scene.dt;
     let largest = 1.5_f64.powi(3) * scene.library.mass[0];
     let came = alone.number("entered_eggs_kg");
@@ -104,12 +104,12 @@ fn what_comes_and_goes_is_the_same_on_any_number_of_ranks() {
     let header = Reader::open(folder.path()).unwrap().header().clone();
     let names: Vec<&str> = header.drives.iter().map(|saved| &*saved.drive).collect();
     assert_eq!(names, ["inlets", "outlets"]);
-    // When pairs are listed does not matter.
+    // The time of rebuilding the pair list does not matter.
     let wide = Scene { skin: 2.0 * scene.skin, ..scene };
     assert!(OnRanks::of(&wide).run(2, STEPS) == alone, "another skin");
 }
 
-/// A grain is gone at the first look at which its centre is in the region: a free fall in closed form.
+/// A particle is removed at the first check at which its centre is in the region: a free fall in closed form.
 #[test]
 fn a_grain_is_gone_when_its_centre_is_through_the_plane() {
     let text = SHAFT.split("[[inlet]]").next().unwrap().replace("0.5, 0.2, -9.81", "0, 0, -9.81");
@@ -132,8 +132,8 @@ fn a_grain_is_gone_when_its_centre_is_through_the_plane() {
     assert!((after.missing() - before.missing()).abs() < 1e-12 * before.kinetic());
 }
 
-/// No grain appears in another or in a wall, at rates that the region cannot carry away; what is short is reported, and
-/// the sizes are still those asked for, large ones not fewer.
+/// No particle appears inside another or in a wall, even at rates that the region cannot carry. The shortfall is reported, and the size distribution
+/// stays as requested, including the large particles.
 #[test]
 fn an_inlet_never_overlaps_and_reports_what_is_short() {
     let text =
@@ -199,7 +199,7 @@ directory = "out"
     assert!(off < 1.95 / count.sqrt(), "{off} of {count}");
 }
 
-/// An inlet of which more is due at a time than comes says so, before the start and while it runs.
+/// An inlet with more due particles than can enter gives a warning, before the start and during the run.
 #[test]
 fn more_than_come_at_a_time_are_missed() {
     let shaft = SHAFT.split("[[fill.lattice]]").next().unwrap();
@@ -215,7 +215,7 @@ fn more_than_come_at_a_time_are_missed() {
     let scene = begins("");
     assert!(told(&scene, "some 5000 particles are due"));
     assert_eq!(scene.particle_count(), 10_000);
-    // One that begins later has less time: two looks, or half of the time from one to the next.
+    // An inlet that begins later has less time: two checks, or half of the time between checks.
     assert!(told(&begins("begin = 0.003"), "some 5000 particles are due"));
     let late = begins("begin = 0.0075");
     assert!(told(&late, "some 2500 particles are due"));
@@ -233,7 +233,7 @@ fn more_than_come_at_a_time_are_missed() {
     assert!(warnings[0].contains("more than 1000 of its particles are due"), "{warnings:?}");
 }
 
-/// No grain appears in the wall of a cylinder, however large that is.
+/// No particle appears in the wall of a cylinder of any size.
 #[test]
 fn no_grain_appears_in_a_round_wall() {
     let text = SHAFT.split("[[fill.lattice]]").next().unwrap().to_owned()
@@ -251,7 +251,7 @@ fn no_grain_appears_in_a_round_wall() {
     assert!(places.len() > 500 && (0.0002..0.0004).contains(&nearest), "{nearest:e}");
 }
 
-/// A stage that goes on with steps of another length has as much time, and its inlets as many grains, as its clock says.
+/// A stage that continues with another time step keeps the time of its clock, and its inlets the matching number of particles.
 #[test]
 fn another_step_leaves_the_time_of_a_stage() {
     let shaft = SHAFT.split("[[fill.lattice]]").next().unwrap();
@@ -281,7 +281,7 @@ fn another_step_leaves_the_time_of_a_stage() {
         assert!((sim.time() - 0.02).abs() < 1e-12 && (sim.stage_time() - 0.02).abs() < 1e-12);
         let entered = sim.drives[0].counted()[0].1;
         assert!((entered - 80.0).abs() <= 1.0, "{step}: {entered}");
-        // Over another restart, too.
+        // The shift survives another restart.
         let again = folder.path().join("again");
         save(&sim, &again, &next, &mut comm);
         let reader = Reader::open(&again).unwrap();
@@ -290,7 +290,7 @@ fn another_step_leaves_the_time_of_a_stage() {
     }
 }
 
-/// The shaft with these inlets alone, each with balls or eggs in the same box.
+/// Text of the shaft with only these inlets, each with balls or ellipsoids in one box.
 fn shaft_with(inlets: &[(&str, &str, &str)]) -> String {
     let head = SHAFT.split("[[fill.lattice]]").next().unwrap();
     let inlets = inlets.iter().map(|(name, shape, more)| {
@@ -306,14 +306,14 @@ fn shaft_with(inlets: &[(&str, &str, &str)]) -> String {
     )
 }
 
-/// Balls from 0.0123 s on, one in 50 steps, and eggs from 0.02 s on.
+/// Balls from 0.0123 s on, one in 50 steps, and ellipsoids from 0.02 s on.
 const LATE: [(&str, &str, &str); 2] = [
     ("balls", "ball", "rate = 2000\nbegin = 0.0123"),
     ("eggs", "egg", "mass_rate = 0.01\nbegin = 0.02"),
 ];
 
-/// What is due is counted from the beginning of the inlet: no grain comes before, the first one when it is due, and at each look as
-/// many as that, or one less that waits for a place.
+/// The due amount counts from the beginning of the inlet. No particle enters earlier, and the first one enters when due. Each check gives the due
+/// number, or one less that waits for a place.
 #[test]
 fn an_inlet_begins_when_it_says() {
     let scene = scene(&shaft_with(&LATE));
@@ -346,7 +346,7 @@ fn an_inlet_begins_when_it_says() {
     assert!((counted[0].1 - 2000.0 * (0.03 - 0.0123)).abs() <= 1.0 && counted[3].1 > 5.0);
 }
 
-/// Equal bits on any number of ranks, and across restarts from before the inlets begin, from between them and from after them.
+/// Identical bits on any number of ranks, and across restarts before, between and after the beginnings of the inlets.
 #[test]
 fn inlets_that_begin_later_are_the_same_on_any_number_of_ranks() {
     let scene = scene(&shaft_with(&LATE));
@@ -360,7 +360,7 @@ fn inlets_that_begin_later_are_the_same_on_any_number_of_ranks() {
     }
 }
 
-/// A stage that goes on with steps of another length has inlets that begin by its clock.
+/// A stage that continues with another time step starts its inlets by its clock.
 #[test]
 fn another_step_leaves_the_begin_of_an_inlet() {
     let with =
@@ -388,7 +388,7 @@ fn another_step_leaves_the_begin_of_an_inlet() {
     }
 }
 
-/// Two batches with a pause between them, in which nothing is there: a stage that ends when nothing remains waits for the second.
+/// Two batches with an empty pause between them: a stage that ends when no particle remains waits for the second.
 #[test]
 fn batches_follow_each_other() {
     let text = shaft_with(&[
@@ -419,7 +419,7 @@ fn batches_follow_each_other() {
     assert!(sim.step > 8350 && sim.step < 20_000, "{}", sim.step);
     let counted = sim.drives[0].counted();
     assert_eq!((counted[0].1, counted[3].1), (5.0, 7.0));
-    // A stage that is over before says what has not come.
+    // A stage that ends earlier reports the particles that did not enter.
     let mut sim = begun(&scene, &mut comm);
     (0..400).for_each(|_| sim.step(&mut comm).unwrap());
     let last = sim.drives[0].outcome(&[], false).warnings;
@@ -429,7 +429,7 @@ fn batches_follow_each_other() {
     );
 }
 
-/// What was saved before inlets had a `begin` goes on where they begin with the stage, and nowhere else.
+/// A state saved before inlets had a `begin` continues only where they begin with the stage.
 #[test]
 fn an_inlet_without_a_begin_began_with_its_stage() {
     let (scene, mut comm) = (scene(SHAFT), Alone::default());
@@ -450,7 +450,7 @@ fn an_inlet_without_a_begin_began_with_its_stage() {
     assert!(error.unwrap_err().0.contains("inlet `balls` had a begin of 0.0"));
 }
 
-/// What moves so fast that it can pass an outlet between two looks is warned of.
+/// Particles fast enough to pass an outlet between two checks give a warning.
 #[test]
 fn an_outlet_that_grains_may_pass_unseen_is_warned_of() {
     let text = SHAFT.replace("every = 7", "every = 700");
@@ -469,7 +469,7 @@ fn an_outlet_that_grains_may_pass_unseen_is_warned_of() {
     assert_eq!(told.len(), 1, "{warnings:?}");
 }
 
-/// A stage ends when so many have left, or when so few are there; the history has what was counted in its last columns.
+/// A stage ends at a given number of removed or of remaining particles. The last columns of the history have the counts.
 #[test]
 fn a_stage_ends_when_enough_have_left() {
     for (stop, holds) in [("left = 40", 40.0), ("remaining = 0", 312.0)] {
@@ -500,7 +500,7 @@ fn a_stage_ends_when_enough_have_left() {
     }
 }
 
-/// A grain that finds no place keeps all behind it waiting: an inlet too narrow for its largest is refused. Columns have one meaning.
+/// A particle without a place blocks all behind it, so an inlet too narrow for its largest particle is rejected. Column names are unique.
 #[test]
 fn inlets_that_would_stop_and_names_of_other_columns_are_refused() {
     let good = SHAFT
@@ -523,11 +523,11 @@ fn inlets_that_would_stop_and_names_of_other_columns_are_refused() {
         "\"J\"",
         "history.csv has a column missing_J already: take another name",
     );
-    // Where the shaft is wide enough for it, it comes.
+    // In a wide enough shaft the large particle is accepted.
     scene(&good.replace("[0.002, 1]", "[0.002, 0.99], [0.007, 1]"));
 }
 
-/// What appears in an outlet would be gone at once.
+/// An outlet around an inlet is rejected, as it would remove particles at once.
 #[test]
 fn an_outlet_around_an_inlet_is_refused() {
     let around = "point = [0, 0, 0.05]\nnormal = [0, 0, 1]\n[[outlet]]\nname = \"hatch\"";
@@ -553,7 +553,7 @@ fn amounts_that_cannot_be_are_refused() {
     expect_refused(SHAFT, "[output]", stop, "never holds: an [[inlet]] without");
 }
 
-/// What acts less often than the stage has steps, and what lies where no grain is, is doubtful.
+/// Inlets and outlets that act less often than the stage has steps, or lie where no particle is, give a warning.
 #[test]
 fn inlets_and_outlets_that_never_act_are_doubtful() {
     for (from, to, doubt) in [
@@ -591,7 +591,7 @@ fn inlets_and_outlets_that_never_act_are_doubtful() {
     }
 }
 
-/// What is due is counted from the beginning of the stage: within it an inlet keeps its rate.
+/// The due amount counts from the beginning of the stage, and within it an inlet keeps its rate.
 #[test]
 fn an_inlet_keeps_its_rate_within_a_stage() {
     let (first, mut comm) = (scene(SHAFT), Alone::default());
@@ -632,7 +632,7 @@ fn an_inlet_keeps_its_rate_within_a_stage() {
         taken(&SHAFT.replace("count = 60", "count = 80"), assemble::Continuation::SameStage),
         Ok(())
     );
-    // A stage without inlets does not get one.
+    // A continued stage without inlets cannot gain one.
     let (begin, end) = (SHAFT.find("[[inlet]]").unwrap(), SHAFT.find("[[outlet]]").unwrap());
     let without = scene(&(SHAFT[..begin].to_owned() + &SHAFT[end..]));
     save(&begun(&without, &mut comm), folder.path(), &without, &mut comm);
@@ -642,7 +642,7 @@ fn an_inlet_keeps_its_rate_within_a_stage() {
     assert!(error.to_string().contains("inlet `eggs` was not there"), "{error}");
 }
 
-/// Grains that come through an inlet, under damping, bring what they have; another gravity gives them another height.
+/// Under damping, particles of an inlet bring their energy; another gravity gives them another potential energy.
 #[test]
 fn damping_and_another_gravity_leave_the_balance_closed() {
     let (begin, end) = (SHAFT.find("[[fill").unwrap(), SHAFT.find("[[inlet").unwrap());
@@ -655,7 +655,7 @@ fn damping_and_another_gravity_leave_the_balance_closed() {
         );
     let (first, mut comm) = (scene(&text), Alone::default());
     let mut sim = begun(&first, &mut comm);
-    // Nothing has touched yet.
+    // No contact has begun.
     (0..300).for_each(|_| sim.step(&mut comm).unwrap());
     let closed = |sim: &dem_mpi::sim::Simulation, what: &str| {
         let measures = sim.measure(&mut Alone::default());
@@ -684,7 +684,7 @@ fn damping_and_another_gravity_leave_the_balance_closed() {
     }
 }
 
-/// Grains that appear at rest have no energy but that of their height: the rounding of its balance is no loss.
+/// Particles that appear at rest have only potential energy, and the rounding of its balance gives no warning.
 #[test]
 fn the_first_grains_of_an_inlet_raise_no_alarm() {
     let text = SHAFT
@@ -701,8 +701,8 @@ fn the_first_grains_of_an_inlet_raise_no_alarm() {
     assert!(finish.warnings.is_empty(), "{:?}", finish.warnings);
 }
 
-/// A grain leaves through the outlet that looks when it is there, not through another around the same place that looks later;
-/// of two that look, through the first one of the scene.
+/// A particle leaves through the outlet that checks first while it is inside, even if another outlet covers the place. If both check in one step, the
+/// first one of the scene takes it.
 #[test]
 fn a_grain_leaves_through_the_outlet_that_looks() {
     let shaft =
@@ -729,17 +729,17 @@ fn a_grain_leaves_through_the_outlet_that_looks() {
         assert_eq!((counted[1], counted[3]), (counted[0] * mass, counted[2] * mass));
         (sim.step, [counted[0], counted[2]])
     };
-    // It is through the plane after 4038.6 steps.
+    // The particle passes the plane after 4038.6 steps.
     assert_eq!(with([1000, 1]), (4039, [0.0, 1.0]));
     assert_eq!(with([1, 1000]), (4039, [1.0, 0.0]));
     assert_eq!(with([1000, 700]), (4200, [0.0, 1.0]));
     assert_eq!(with([700, 1400]), (4200, [1.0, 0.0]));
 }
 
-/// What is missing has the unit of the rate and ends where the inlet ends, also if that is given in the other unit.
+/// The shortfall has the unit of the rate and ends where the inlet ends, even if that end has the other unit.
 #[test]
 fn what_is_missing_ends_where_the_inlet_ends() {
-    // Grains of 1 g, one place, and two looks at it: two come, for the first is out of the way at the second look.
+    // Particles of 1 g, one place, and two checks of it: two enter, because the first has moved away at the second check.
     let density = 1e-3 / (4.0 / 3.0 * std::f64::consts::PI * 1e-9);
     let with = |amounts: &str| {
         let text = format!(
@@ -763,7 +763,7 @@ fn what_is_missing_ends_where_the_inlet_ends() {
         ("rate = 1000\nmass = 0.00999", 8.0, "8 particles"),
         ("rate = 1000\ncount = 10", 8.0, "8 particles"),
         ("rate = 5\nmass = 0.01", 3.0, "3 particles"),
-        // More than can come at a time: the end is known in the mean.
+        // More than can enter at a check: the end is known only on average.
         ("mass_rate = 3\ncount = 2000", 1.998, "1.9980e0 kg"),
         ("rate = 3000\nmass = 1.9999", 1998.0, "1998 particles"),
     ] {
@@ -776,9 +776,9 @@ fn what_is_missing_ends_where_the_inlet_ends() {
     }
 }
 
-/// Eggs that come through an inlet point along a direction, tilted by up to 30 degrees: the mean cosine of the tilt on a cap of half angle s
-/// is (1 + cos s)/2, its variance (1 - cos s)²/12. They spin by up to 5 rad/s about each axis: mean square 25/3, of which the
-/// variance is 625 · 4/45. Five standard errors.
+/// Orientation and spin of ellipsoids from an inlet. They point along a direction with a tilt of up to s = 30 degrees. Its cosine has the mean (1 +
+/// cos s)/2 and the variance (1 - cos s)²/12. Each component of the spin is within 5 rad/s. Its mean square is 25/3, and the variance of the square
+/// is 625 · 4/45. The tolerance is five standard errors.
 #[test]
 fn grains_of_an_inlet_point_along_an_axis_and_spin() {
     let text = "[domain]\nlow = [0, 0, 0]\nhigh = [0.2, 0.2, 0.2]\n[[material]]\nname = \"stone\"\ndensity = 2500\nnormal_stiffness = 100\n\
@@ -815,14 +815,14 @@ fn grains_of_an_inlet_point_along_an_axis_and_spin() {
     assert!((spins / count).amax() < error * 5.0 / 3.0_f64.sqrt(), "{spins}");
     let off = squares / count - Vec3::repeat(25.0 / 3.0);
     assert!(off.amax() < error * (625.0 * 4.0 / 45.0_f64).sqrt(), "{off}");
-    // What they have brought is booked.
+    // The rotational energy of entering particles is booked.
     let measures = sim.measure(&mut comm);
     assert!(measures.rotation > 0.0);
     assert!(measures.missing().abs() < 1e-11 * measures.kinetic(), "{:e}", measures.missing());
 }
 
-/// Each component of the velocity is uniform within `spread` of that of the inlet: mean square 1/3 of the square, of which the variance is 4/45 of its
-/// square. Five standard errors.
+/// Each component of the velocity is uniform within `spread` of the inlet's velocity. In units of the spread, the mean square is 1/3 and the variance
+/// of the square 4/45. The tolerance is five standard errors.
 #[test]
 fn velocities_of_an_inlet_are_spread_evenly() {
     let text = "[domain]\nlow = [0, 0, 0]\nhigh = [0.2, 0.2, 0.2]\n[[material]]\nname = \"stone\"\ndensity = 2500\nnormal_stiffness = 100\n\
@@ -840,7 +840,7 @@ fn velocities_of_an_inlet_are_spread_evenly() {
         (sum, squares) = (sum + off, squares + off.component_mul(&off));
         farthest = farthest.sup(&off.abs());
     }
-    // Of 500 some are in the last fiftieth: 0.98⁵⁰⁰ is 4e-5.
+    // Among 500 values some are in the last fiftieth: 0.98⁵⁰⁰ is 4e-5.
     assert!(farthest.max() < 1.0 + 1e-12 && farthest.min() > 0.98, "{farthest}");
     let error = 5.0 / f64::sqrt(count as f64);
     assert!((sum / count as f64).amax() < error / 3.0_f64.sqrt(), "{sum}");
@@ -848,7 +848,7 @@ fn velocities_of_an_inlet_are_spread_evenly() {
     assert!(off.amax() < error * (4.0 / 45.0_f64).sqrt(), "{off}");
 }
 
-/// What appears at a border of a period keeps clear of what is beyond it: of grains, and of a plate of triangles.
+/// Particles that appear at a periodic border keep clear of images beyond it: of particles, and of a plate of triangles.
 #[test]
 fn an_inlet_keeps_clear_of_images() {
     let folder = tempfile::tempdir().unwrap();
@@ -891,7 +891,7 @@ fn an_inlet_keeps_clear_of_images() {
     assert_eq!(alone.bits.len(), entered);
 }
 
-/// The shaft, of which all that comes and goes is listed.
+/// The shaft with lists of all particles that enter and leave.
 fn listing() -> String {
     let text = SHAFT.replace("[[inlet]]\n", "[[inlet]]\nlist = true\n");
     text.replace("[[outlet]]\n", "[[outlet]]\nlist = true\n")
@@ -912,7 +912,7 @@ struct Row {
     velocity: Vec3,
 }
 
-/// The rows of a list, in their order: by step, then by id.
+/// Rows of a list in their order: by step, then by id.
 fn rows(folder: &Path, list: &str) -> Vec<Row> {
     let mut table = csv::Reader::from_path(folder.join(format!("{list}.csv"))).unwrap();
     let columns = "step,time_s,id,shape,scale,mass_kg,x_m,y_m,z_m,vx_m_per_s,vy_m_per_s,vz_m_per_s";
@@ -938,7 +938,7 @@ fn rows(folder: &Path, list: &str) -> Vec<Row> {
     rows
 }
 
-/// Runs a scene on ranks from its start, or from the snapshot of a step in the folder, up to a step; what was counted.
+/// Runs a scene on ranks to a step, from its start or from the folder's snapshot of a step. Returns the counts.
 fn leg(
     scene: &Scene,
     folder: &Path,
@@ -965,7 +965,7 @@ fn leg(
     counted.into_iter().next().unwrap()
 }
 
-/// A list has every grain that was counted, once, and what snapshots know of it.
+/// A list has every counted particle once, with values that agree with the snapshots.
 #[test]
 fn lists_have_all_that_came_and_left() {
     let (scene, folder) = (scene(&listing()), tempfile::tempdir().unwrap());
@@ -978,7 +978,7 @@ fn lists_have_all_that_came_and_left() {
         println!("{list}: {} rows", rows.len());
         assert!(rows.len() > 10, "{list}: {}", rows.len());
         assert_eq!(rows.len() as f64, number(list));
-        // Summed in the order in which they were counted.
+        // The sum has the order of counting.
         let mass = rows.iter().fold(0.0, |sum, row| sum + row.mass);
         assert_eq!(mass, number(&format!("{list}_kg")));
         for row in &rows {
@@ -1016,7 +1016,7 @@ fn lists_have_all_that_came_and_left() {
     assert_eq!(there, table.id.iter().map(|id| id.0).collect());
 }
 
-/// The same bytes on 1, 2, 3 and 8 ranks, over a restart, and of a run that was killed some time after a snapshot, within a line.
+/// Identical bytes on 1, 2, 3 and 8 ranks, over a restart, and after a run that was killed after a snapshot within a line.
 #[test]
 fn lists_are_the_same_on_any_number_of_ranks_and_over_restarts() {
     let (scene, folder) = (scene(&listing()), tempfile::tempdir().unwrap());
@@ -1029,7 +1029,7 @@ fn lists_are_the_same_on_any_number_of_ranks_and_over_restarts() {
         leg(&scene, folder, ranks, (None, 1500));
         assert!(bytes() == alone, "{ranks} ranks");
     }
-    // Stopped off the schedule of rows and snapshots, just after grains have left.
+    // The stop is off the schedule of rows and snapshots, just after particles have left.
     let step = rows(folder, "left_hatch").iter().find(|row| row.step > 700).unwrap().step;
     leg(&scene, folder, 3, (None, step));
     let before = bytes();
@@ -1037,7 +1037,7 @@ fn lists_are_the_same_on_any_number_of_ranks_and_over_restarts() {
     assert_eq!(rows(folder, "left_hatch").last().unwrap().step, step);
     leg(&scene, folder, 2, (Some(step), 1500));
     assert!(bytes() == alone, "over a restart at step {step}");
-    // Killed after step 1490: what was written since the snapshot is written again.
+    // The run is killed after step 1490: rows since the snapshot are written again.
     leg(&scene, folder, 1, (None, 1490));
     for list in LISTS {
         let killed = std::fs::read_to_string(path(list)).unwrap();
@@ -1046,19 +1046,19 @@ fn lists_are_the_same_on_any_number_of_ranks_and_over_restarts() {
     }
     leg(&scene, folder, 2, (Some(900), 1500));
     assert!(bytes() == alone, "after a run that was killed");
-    // A run from the start begins them anew.
+    // A run from the start begins new lists.
     leg(&scene, folder, 1, (None, 0));
     for list in LISTS {
         assert!(rows(folder, list).iter().all(|row| row.step == 0), "{list}");
         std::fs::remove_file(path(list)).unwrap();
     }
-    // Nobody asks for lists: there are none.
+    // Lists exist only on request.
     leg(&self::scene(SHAFT), folder, 1, (None, 100));
     assert!(LISTS.iter().all(|list| !path(list).exists()));
 }
 
-/// Balls that appear at rest above and are gone below: from row to row a free fall, z = z0 - g t²/2 and v = -g t, which velocity Verlet meets to
-/// rounding, over to the next look after it is through the plane.
+/// Residence of balls that appear at rest and leave below. Between the two rows they fall freely, z = z0 - g t²/2 and v = -g t, to rounding with
+/// velocity Verlet. They leave at the first check below the plane.
 #[test]
 fn lists_tell_how_long_a_grain_stays() {
     const EVERY: u64 = 7;
@@ -1090,7 +1090,7 @@ fn lists_tell_how_long_a_grain_stays() {
     }
 }
 
-/// Grains that stand in an outlet as a stage begins are listed as they were in the snapshot.
+/// Particles inside an outlet at the beginning of a stage are listed with the values of the snapshot.
 #[test]
 fn a_stage_lists_what_is_gone_as_it_begins() {
     let (first, mut comm) = (scene(SHAFT), Alone::default());
@@ -1117,14 +1117,14 @@ fn a_stage_lists_what_is_gone_as_it_begins() {
     }
 }
 
-/// A list needs a name that may stand in the name of a file.
+/// A list needs a name that is valid in a file name.
 #[test]
 fn a_list_under_a_name_that_is_none_for_a_file_is_refused() {
     let named = |name: &str| format!("name = '{name}'\nlist = true\n");
     for name in ["left/hatch", "..\\hatch", "hatch?", "a:b"] {
         let said = format!("outlet.\"{name}\".list = true: the list is a file named after it");
         expect_refused(SHAFT, "name = \"hatch\"\n", &named(name), &said);
-        // Columns may have such names.
+        // Such names are valid for columns.
         scene(&SHAFT.replace("name = \"hatch\"", &format!("name = '{name}'")));
     }
     let long = "n".repeat(201);

@@ -1,4 +1,4 @@
-//! Groups of particles that are held or pushed, against closed forms.
+//! Groups of particles with prescribed motion or applied forces, against closed forms.
 
 use crate::support::{Bench, OnRanks, begun, close, completed, expect_refused, save, scene};
 use dem_mpi::comm::alone::Alone;
@@ -16,7 +16,7 @@ use std::fs;
 /// An open domain.
 const OPEN: &str = "[domain]\nlow = [-10, -10, -10]\nhigh = [10, 10, 10]\n";
 
-/// These particles, in their groups.
+/// A simulation with these particles in their groups.
 fn joined(text: &str, particles: &[Particle]) -> Bench {
     let scene = scene(text);
     let join = |particle: &Particle| {
@@ -31,15 +31,14 @@ fn at(id: u64, shape: u16, position: Vec3, velocity: Vec3) -> Particle {
     crate::support::ball(id, shape, position, velocity)
 }
 
-/// After so many steps.
+/// Advances by `count` steps.
 fn steps(bench: &mut Bench, count: u64) {
     (0..count).for_each(|_| bench.step());
 }
 
-// --- held ---
+// --- prescribed motion ---
 
-/// The angle [°] at which a ball leaves two fixed ones that touch, over which it rolls from rest at 20°, with contacts of a stiffness
-/// [N/m] and a step [s].
+/// Angle [°] at which a ball leaves two fixed, touching balls after rolling from rest at 20°, for a stiffness [N/m] and a step [s].
 fn leaves_at(ratio: f64, stiffness: f64, step: f64) -> f64 {
     let small = 0.01;
     let large = ratio * small;
@@ -82,7 +81,7 @@ allow_unstable = true
         ],
     );
     let (mut last, mut since) = (0.0, 0);
-    // Where the normal force has become small the ball leaves and comes back for some steps.
+    // Near zero normal force the ball loses contact and regains it for some steps.
     while since < 100 {
         bench.step();
         let place = bench.sim.particles.position[bench.slot(2)];
@@ -95,8 +94,8 @@ allow_unstable = true
     last
 }
 
-/// A ball that rolls over two fixed ones without slip leaves them where `cos θ = 2 cos θ0 / (3 + K)`, `K = 0.4 (R + r)² / ρ²`,
-/// `ρ² = (R + r)² - R²` (Vyas et al. 2025, Comput. Phys. Commun. 109524). Soft contacts leave before.
+/// A ball that rolls over two fixed ones without slip leaves them where `cos θ = 2 cos θ0 / (3 + K)`, `K = 0.4 (R + r)² / ρ²`, `ρ² = (R
+/// + r)² - R²` (Vyas et al. 2025, Comput. Phys. Commun. 109524). Soft contacts leave earlier.
 #[test]
 fn a_ball_rolls_off_two_fixed_balls() {
     for (ratio, expected) in
@@ -114,7 +113,7 @@ fn a_ball_rolls_off_two_fixed_balls() {
     }
 }
 
-/// Two balls of one material that meet, one of them held; or a ball and a wall.
+/// Scene of a ball that meets a held ball of the same material, or a wall.
 fn meeting(partner: &str) -> String {
     format!(
         "{OPEN}\n[[material]]\nname = \"m\"\ndensity = 2500\nnormal_stiffness = 1e4\nrestitution = 0.6\n\
@@ -122,7 +121,7 @@ fn meeting(partner: &str) -> String {
     )
 }
 
-/// A held particle is as heavy as a wall: the same way back, the same restitution, the same time in contact.
+/// A held particle acts like a wall: the same rebound, the same restitution, the same contact time.
 #[test]
 fn a_held_particle_is_as_heavy_as_a_wall() {
     let falls = at(1, 0, Vec3::z() * 0.0201, -Vec3::z());
@@ -148,12 +147,12 @@ fn a_held_particle_is_as_heavy_as_a_wall() {
     close(back, 0.6, 2e-3, "restitution");
     let back = on_moving.sim.particles.velocity[on_moving.slot(1)].z - 0.5;
     close(back, 0.6, 5e-3, "restitution on a moving one");
-    // The ball has got or lost all that it has given.
+    // The energy of the ball follows the work of the held ball.
     let measures = on_moving.measure();
     assert!(measures.missing().abs() < 1e-3 * measures.received, "{measures:?}");
 }
 
-/// Grains of three forms fall and bounce on fixed eggs; eggs that are moved and turned as one body stir them.
+/// Particles of three shapes bounce on fixed ellipsoids, and ellipsoids that move and turn as one body stir them.
 const MIXED: &str = r#"
 gravity = [0.3, 0, -9.81]
 global_damping = 0.5
@@ -227,7 +226,7 @@ order_every = 300
 /// Id, group, shape, and pose of a particle.
 type Row = (u64, u16, u16, (Vec3, [f64; 4]));
 
-/// Ranks and restarts change no bit. The floor stays to the last bit, the paddle follows its motion, and all work is in the balance.
+/// Ranks and restarts change no bit. The floor stays exactly in place, the paddle follows its motion, and the balance includes all work.
 #[test]
 fn held_and_pushed_grains_have_the_same_bits_everywhere() {
     let scene = scene(MIXED);
@@ -237,7 +236,7 @@ fn held_and_pushed_grains_have_the_same_bits_everywhere() {
             let place = (table.position[k], table.quaternion[k]);
             (table.id[k].0, table.group[k], table.shape[k].0, place)
         });
-        // Right on one rank alone.
+        // Valid on one rank only.
         (rows.collect::<Vec<_>>(), sim.measure(&mut Alone::default()).group_forces)
     };
     let ranks = OnRanks::of(&scene);
@@ -272,7 +271,7 @@ fn held_and_pushed_grains_have_the_same_bits_everywhere() {
     ranks.leaves_no_trace(&alone, 2000, &[[3, 2], [1, 4]], folder.path());
 }
 
-/// A ball on a spring between a held ball that moves and one that is fixed, which never lose touch: nothing is missing but rounding.
+/// A ball on a spring between a moving held ball and a fixed one, always in contact: the energy error is only rounding.
 #[test]
 fn work_of_moving_particles_is_received_to_rounding() {
     let text = r#"
@@ -324,7 +323,7 @@ step = 1e-5
     assert!(worst < 1e-13, "{worst:e} J are missing");
 }
 
-/// A group that turns gives others its torque times its angular velocity.
+/// A rotating group transfers power: its torque times its angular velocity.
 #[test]
 fn the_torque_of_a_group_is_what_it_works_with() {
     let text = r#"
@@ -372,7 +371,7 @@ step = 1e-5
     assert!((turning - Vec3::z() * 10.0).norm() < 1e-12, "{turning}");
 }
 
-/// Held in one stage and free in the next: it falls from where it stood, and what it has is booked.
+/// A particle held in one stage and free in the next falls from its position, and its energy is booked.
 #[test]
 fn a_group_is_free_in_the_next_stage() {
     let folder = tempfile::tempdir().unwrap();
@@ -389,7 +388,7 @@ fn a_group_is_free_in_the_next_stage() {
     (0..100).for_each(|_| sim.step(&mut comm).unwrap());
     assert!(sim.particles.position.iter().all(|place| place.z == 1.0));
     save(&sim, folder.path(), &held, &mut comm);
-    // The numbers of groups stand in the file.
+    // The file has the numbers of the groups.
     let table = Reader::open(folder.path()).unwrap().particles(0..2).unwrap();
     assert_eq!(table.group, [1, 1]);
     let start = format!("start = {:?}", folder.path());
@@ -405,7 +404,7 @@ fn a_group_is_free_in_the_next_stage() {
     assert_eq!(sim.particles.position[slot(0)].z, 1.0);
     assert!((sim.particles.position[slot(0)].x - 0.001).abs() < 1e-15);
     assert!(sim.measure(&mut comm).missing().abs() < 1e-14);
-    // A stage does not go on with other groups.
+    // A stage cannot continue with other groups.
     let other = scene(&text("", fill, &group.replace("all", "some")));
     let mut sim = assemble::assemble(&other, &comm);
     let went_on =
@@ -438,9 +437,9 @@ fn held_particles_count_as_walls_in_measures() {
     close(measures.coordination(), 1.5, 0.0, "coordination of a run");
 }
 
-// --- pushed ---
+// --- applied forces ---
 
-/// A lone ball of glass, 20 mm thick, with a group of its own.
+/// A lone ball of glass with a radius of 10 mm, in a group.
 fn lone(gravity: &str, group: &str, step: f64) -> Bench {
     let text = format!(
         "gravity = {gravity}\n{OPEN}\n[[group]]\nname = \"one\"\n{group}\n[time]\nstep = {step:e}\n"
@@ -448,10 +447,10 @@ fn lone(gravity: &str, group: &str, step: f64) -> Bench {
     joined(&text, &[at(0, 0, Vec3::zeros(), Vec3::zeros())])
 }
 
-/// Mass of that ball [kg].
+/// Mass of this ball [kg].
 const MASS: f64 = 2500.0 * 4.0 / 3.0 * PI * 1e-6;
 
-/// Under a constant force `x = F t² / 2m`, under a torque `ω = T t / I`; both work, and nothing is missing.
+/// Under a constant force `x = F t² / 2m`, under a torque `ω = T t / I`; the balance includes the work of both.
 #[test]
 fn a_ball_is_pulled_through_free_space() {
     let mut bench = lone("[0, 0, 0]", "force = [0.2, 0, 0]\ntorque = [0, 0, 1e-4]", 1e-4);
@@ -466,7 +465,7 @@ fn a_ball_is_pulled_through_free_space() {
     assert!(measures.missing().abs() < 1e-12 * work, "{:e}", measures.missing());
 }
 
-/// A force by a table: its impulse is the area under it, and it stays as it is in the end.
+/// A force from a table: its impulse is the area under it, and the last value persists.
 #[test]
 fn a_force_follows_its_table() {
     let folder = tempfile::tempdir().unwrap();
@@ -485,7 +484,7 @@ fn a_force_follows_its_table() {
     assert!(bench.measure().missing().abs() < 1e-12);
 }
 
-/// The momentum of a group that is pushed through balls is the sum of what pushes it, whatever its particles do to each other.
+/// The momentum of a group is the sum of the impulses on it, whatever its particles do to each other.
 #[test]
 fn the_momentum_of_a_group_is_that_of_its_push() {
     let text = r#"
@@ -527,8 +526,8 @@ step = 2e-5
     assert!(moved > 40, "{moved} move");
 }
 
-/// In a fluid of Stokes a ball that starts from rest has the velocity `v (1 - exp(-t/τ))`, `v = (m - ρ V) g / 3π μ d`, above that of the
-/// fluid. An egg falls as the ball of its volume.
+/// A ball that starts from rest in a fluid by Stokes has the velocity `v (1 - exp(-t/τ))`, `v = (m - ρ V) g / 3π μ d`, relative to the
+/// fluid. An ellipsoid falls like the ball of its volume.
 #[test]
 fn terminal_velocity_of_stokes() {
     let drag = "drag = { law = \"stokes\", viscosity = 2, density = 1000, velocity = [0.1, 0, 0], buoyancy = true }";
@@ -562,7 +561,7 @@ fn terminal_velocity_of_stokes() {
     close(bench.sim.particles.velocity[0].z, -last, 1e-12, "of an egg");
 }
 
-/// By Schiller and Naumann the weight is the drag at the terminal velocity, and the way there is of second order in the step.
+/// By Schiller and Naumann the drag at terminal velocity equals the weight, and the approach is of second order in the step.
 #[test]
 fn terminal_velocity_of_schiller_and_naumann() {
     for (viscosity, damping) in [(1.0, 0.0), (0.02, 0.0), (1e-3, 0.0), (0.02, 3.0)] {
@@ -598,9 +597,9 @@ fn terminal_velocity_of_schiller_and_naumann() {
     }
 }
 
-// --- who ---
+// --- membership ---
 
-/// Particles that come through an inlet belong to its group, others of a shape to that of their shape.
+/// Particles from an inlet join its group, and others of a shape join the group of their shape.
 #[test]
 fn newcomers_join_their_groups() {
     let text = r#"
@@ -662,7 +661,7 @@ steps = 500
     }
 }
 
-/// Mistakes are told, and a group that nobody belongs to ends the run at once.
+/// Input errors are reported, and an empty group ends the run at once.
 #[test]
 fn mistakes_in_groups_are_told() {
     let good = format!(

@@ -1,4 +1,4 @@
-//! What acts from outside: strained cells, servos, rain, inlets and outlets.
+//! External actions: strained cells, servos, rain, inlets and outlets.
 
 mod drives;
 mod element;

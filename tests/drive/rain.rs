@@ -1,4 +1,4 @@
-//! Rain into containers: grains fall in whole within a region and clear of walls, the same on any number of ranks.
+//! Rain into containers: particles appear wholly within a region and clear of walls, with identical bits on any number of ranks.
 
 use crate::support::{OnRanks, begun, scene};
 use dem_mpi::comm::alone::Alone;
@@ -9,7 +9,7 @@ use dem_mpi::scene::doubts::doubts;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::sim::Simulation;
 
-/// A pipe that stands on a plane, and balls of many sizes that rain into it.
+/// A pipe on a plane, and balls of many sizes that rain into it.
 const PIPE: &str = r#"
 gravity = [0, 0, -9.81]
 [domain]
@@ -49,15 +49,15 @@ imbalance = 1.05
 directory = "out"
 "#;
 
-/// A grain may reach out of its region by a millionth of a cell [m].
+/// Largest distance by which a particle may reach out of its region: a millionth of a cell [m].
 const ROUNDING: f64 = 3e-9;
 
-/// Slots of the owned grains that have appeared since.
+/// Slots of the owned particles with ids from `before` on.
 fn born(sim: &Simulation, before: u64) -> Vec<usize> {
     (0..sim.particles.owned).filter(|&slot| sim.particles.id[slot].0 >= before).collect()
 }
 
-/// Steps until all have fallen; looks at each grain as it appears, and that it overlaps no other.
+/// Runs until all have fallen. Calls `look` for each particle when it appears, and checks that it overlaps no other.
 fn rained(scene: &Scene, look: &dyn Fn(&Simulation, usize)) -> (Simulation, Vec<u64>) {
     let mut comm = Alone::default();
     let mut sim = begun(scene, &mut comm);
@@ -85,7 +85,7 @@ fn rained(scene: &Scene, look: &dyn Fn(&Simulation, usize)) -> (Simulation, Vec<
     (sim, layers)
 }
 
-/// All grains come whole in the region, of the sizes of their ids, and lie in the pipe at the end.
+/// All particles appear wholly in the region, with the sizes of their ids, and lie in the pipe at the end.
 #[test]
 fn rain_fills_a_pipe() {
     let scene = scene(PIPE);
@@ -102,7 +102,7 @@ fn rain_fills_a_pipe() {
     });
     let within = rain.within.as_ref().unwrap();
     println!("layers of {layers:?} of {within:?}");
-    // A layer has fifty cells, of which the corners are outside.
+    // A layer has fifty cells, and those at the corners are outside.
     assert!(layers.len() >= 3 && layers[0] > 20 && layers[0] < 50, "{layers:?}");
     assert!((20..50).contains(&within.places) && within.free == within.places, "{within:?}");
     assert_eq!(doubts(&scene), Vec::<String>::new());
@@ -118,7 +118,7 @@ fn rain_fills_a_pipe() {
     assert!(sim.drives[0].standing().unfinished.is_none() && sim.drives[0].warnings().is_empty());
 }
 
-/// A cup of triangles, of 24 sides and a bottom: rain falls into it and stays in it.
+/// Rain falls into a cup of triangles, with 24 sides and a bottom, and stays in it.
 #[test]
 fn rain_fills_a_cup_of_triangles() {
     use std::fmt::Write;
@@ -167,7 +167,7 @@ fn rain_into_a_pipe_is_the_same_on_any_number_of_ranks() {
     assert!(alone.bits.len() == 100 && contacts > 10.0, "{} {contacts}", alone.bits.len());
 }
 
-/// In a box, walls take away the places where a grain would meet them, and that is said.
+/// In a box, places where a particle would meet a wall stay empty, and the plan reports it.
 #[test]
 fn rain_keeps_clear_of_a_chute_and_a_tube_in_its_box() {
     let text = PIPE
@@ -198,10 +198,10 @@ fn rain_keeps_clear_of_a_chute_and_a_tube_in_its_box() {
     assert!(doubts(&scene).iter().any(|doubt| doubt.contains(&told)), "{:?}", doubts(&scene));
 }
 
-/// A wall that has closed the region holds rain up, and that is said once.
+/// A wall that closes the region stops the rain, with one warning.
 #[test]
 fn rain_without_a_place_waits_and_says_so() {
-    // The wall is above the region when rain is looked for first, after 12 ms.
+    // The wall is above the region at the first check for places, after 12 ms.
     let text = PIPE
         .replace(
             "point = [0, 0, 0.02]\nnormal = [0, 0, 1]",
@@ -224,13 +224,13 @@ fn rain_without_a_place_waits_and_says_so() {
     assert!(last[0].contains("only 0 of 100 particles of rain have fallen"), "{last:?}");
 }
 
-/// A piston that comes, a plate of triangles across the period and grains across it: what appears is clear of all where they stand then, and
-/// is the same everywhere, across a restart between two layers, too.
+/// Rain with a moving piston, a plate of triangles across the period and particles across it. New particles are clear of all of them at
+/// their current positions. The bits are identical on other ranks and across a restart between two layers.
 #[test]
 fn rain_keeps_clear_of_what_moves_and_of_images() {
     let folder = tempfile::tempdir().unwrap();
     let plate = folder.path().join("plate.obj");
-    // Across y, near the border: what reaches through it meets the plate.
+    // The plate is across y near the border, so particles that reach through the border meet it.
     let corners =
         "v 0.005 0.0004 0.02\nv 0.02 0.0004 0.02\nv 0.02 0.0004 0.05\nv 0.005 0.0004 0.05\n";
     std::fs::write(&plate, format!("{corners}f 1 2 3\nf 1 3 4\n")).unwrap();
@@ -268,7 +268,7 @@ fn rain_keeps_clear_of_what_moves_and_of_images() {
         }
     });
     println!("layers of {layers:?} until step {}", sim.step);
-    // The piston leaves less and less.
+    // The piston leaves less and less space.
     assert!(layers.len() >= 4 && layers[layers.len() - 2] < layers[0], "{layers:?}");
     let steps = 2 * (sim.step / 2);
     let alone = OnRanks::of(&scene).the_same_everywhere(steps, folder.path());

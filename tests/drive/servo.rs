@@ -30,20 +30,20 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("a number, not {value}"))
 }
 
-/// The rows of a list of lists.
+/// Rows of a list of lists.
 fn rows(value: &Value) -> Vec<Vec<f64>> {
     let row = |row: &Value| row.as_array().unwrap().iter().map(number).collect();
     value.as_array().unwrap().iter().map(row).collect()
 }
 
-/// Columns of spheres, by name, of which the reference has the quasi-static solution.
+/// Cases with columns of spheres by name, which have a quasi-static solution in the reference.
 fn columns() -> Vec<(String, Value)> {
     let cases = reference()["cases"].as_array().unwrap().clone();
     let named = |case: Value| (case["name"].as_str().unwrap().to_owned(), case);
     cases.into_iter().map(named).filter(|(_, case)| case["columns"].is_u64()).collect()
 }
 
-/// The reference takes the stiffness of one contact for that of the wall: a gain of the number of columns.
+/// The reference equates the wall's stiffness with that of one contact, so the gain is the number of columns.
 fn servo(case: &Value) -> Servo {
     Servo {
         walls: vec![0],
@@ -53,7 +53,7 @@ fn servo(case: &Value) -> Servo {
     }
 }
 
-/// Contacts that do not give way: what is missing falls with the double root 1 - P/2, P = 0.7 gain.
+/// With contacts of constant stiffness, the deviation falls with the double root 1 - P/2, P = 0.7 gain.
 #[test]
 fn a_spring_is_at_its_target_as_the_double_root_says() {
     let (area, stiffness, dt) = (0.02, 3e5, 1e-5);
@@ -71,7 +71,7 @@ fn a_spring_is_at_its_target_as_the_double_root_says() {
     }
 }
 
-/// Grains that go away at a steady speed are followed without an error, at any gain.
+/// A target that recedes at a steady speed is followed without an error, at any gain.
 #[test]
 fn a_steady_strain_leaves_no_error() {
     let (area, stiffness, dt, away) = (0.02, 3e5, 1e-5, 0.05);
@@ -89,8 +89,8 @@ fn a_steady_strain_leaves_no_error() {
     }
 }
 
-/// Dashpots that take nearly all of a step's force, and never pull: no swings, where a law that makes up all that is
-/// missing goes 0, 2, 0, 2.
+/// Dashpots that take nearly all of a step's force, and never attract, do not cause oscillations. A law that corrects the whole
+/// deviation in one step alternates 0, 2, 0, 2.
 #[test]
 fn a_wall_on_dashpots_does_not_swing() {
     let (area, spring, dt) = (0.02, 3e5, 1e-5);
@@ -111,7 +111,7 @@ fn a_wall_on_dashpots_does_not_swing() {
     }
 }
 
-/// Stopped between two rows of the history and two looks at `[stop]`, taken up on more ranks: not a digit is another.
+/// A run stopped between two rows of the history and two checks of `[stop]`, restarted on more ranks, gives identical digits.
 #[test]
 fn a_restart_leaves_no_trace_in_means() {
     let text = cube(SHEAR, 0.3, "restitution = 0.5")
@@ -160,8 +160,8 @@ fn a_restart_leaves_no_trace_in_means() {
     assert_eq!(told.1, told_in_legs.1);
 }
 
-/// It comes in at its greatest speed until it touches; a wall that has lost its contacts speeds up, but does not
-/// jump.
+/// The wall approaches at its greatest speed until it touches. A wall that has lost its contacts accelerates without a jump of its
+/// speed.
 #[test]
 fn a_wall_rushes_only_before_it_has_touched() {
     let (area, stiffness, dt) = (0.02, 3e5, 1e-4);
@@ -174,14 +174,14 @@ fn a_wall_rushes_only_before_it_has_touched() {
     let speeds: Vec<f64> = (0..2000).map(|_| servo.velocity(&mut state, &nothing, dt)).collect();
     let at_once = 0.2 / (stiffness * dt);
     assert!((speeds[0] / (0.7 * at_once) - 1.0).abs() < 1e-12, "{}", speeds[0]);
-    // A plate of this mass under its load.
+    // Mass of a plate that accelerates in this way under its load.
     let mass = stiffness * dt * dt / (0.35 * 0.35);
     let gained = speeds[100] - speeds[0];
     assert!((gained / (0.2 / mass * 100.0 * dt) - 1.0).abs() < 1e-12, "{gained}");
     assert_eq!(speeds[1999], 0.5);
 }
 
-/// A box across x from 0 to `length`, 0.04 m by 0.04 m, with a servo on +x, and spheres along x.
+/// Scene of a box across x from 0 to `length`, 0.04 m by 0.04 m, with a servo on +x, and spheres along x.
 fn column_scene(
     length: f64,
     radius: f64,
@@ -232,18 +232,17 @@ fn sphere(id: u64, position: Vec3) -> Particle {
     Particle::at_rest(GlobalId(id), ShapeId(0), position)
 }
 
-/// What its drives have to say.
+/// Warnings of the drives.
 fn warnings(sim: &mut Simulation) -> Vec<String> {
     sim.drives.iter_mut().flat_map(|drive| drive.warnings()).collect()
 }
 
-/// Stress on the wall across x that looks to -x [Pa], and where it stands [m].
+/// Stress on the wall +x [Pa], and its position [m].
 fn on_top(bench: &mut Bench) -> (f64, f64) {
     (bench.measure().wall_forces[1].x / 0.0016, bench.sim.particles.walls[1].point.x)
 }
 
-/// The real simulation of light and damped spheres stays near the quasi-static solution, behind it by some
-/// steps, and ends in it.
+/// A full simulation of light and damped spheres stays near the quasi-static solution, some steps behind it, and ends in it.
 #[test]
 fn columns_of_spheres_follow_the_reference() {
     for (name, case) in columns() {
@@ -254,7 +253,8 @@ fn columns_of_spheres_follow_the_reference() {
         let (count, radius) = (get("spheres_per_column"), 0.005);
         let length = 2.0 * radius * count;
         let stiffness = get("contact_stiffness");
-        // A contact swings in 12 steps, and is damped in 3. The whole stiffness of the wall, so that inertia is borne.
+        // The contact period is 12 steps and the damping time 3. A gain of 1 uses the whole stiffness of the wall, which tolerates
+        // inertia.
         let text = column_scene(
             length,
             radius,
@@ -291,7 +291,7 @@ fn columns_of_spheres_follow_the_reference() {
     }
 }
 
-/// The way there is that of the law; the rest at the end is not.
+/// The approach depends on the law of the servo; the final state of rest does not.
 #[test]
 fn a_sphere_with_inertia_ends_as_in_the_reference() {
     let cases = reference();
@@ -327,7 +327,7 @@ fn a_sphere_with_inertia_ends_as_in_the_reference() {
     }
 }
 
-/// Too high a gain makes the stress jump from side to side, as in the reference, and is told once.
+/// Too high a gain makes the stress oscillate, as in the reference, with one warning.
 #[test]
 fn a_servo_that_swings_is_told_once() {
     let servo = |gain| Servo { walls: vec![1], goal: Goal::Stress(1e5), max_speed: 1.0, gain };
@@ -345,7 +345,7 @@ fn a_servo_that_swings_is_told_once() {
     }
 }
 
-/// A wall with a servo may slide along itself: shear under a normal stress.
+/// A wall with a servo may also slide: shear under a normal stress.
 #[test]
 fn a_wall_under_stress_slides_as_the_scene_says() {
     let servo = Servo { walls: vec![1], goal: Goal::Stress(1e5), max_speed: 1.0, gain: 1.0 };
@@ -367,15 +367,15 @@ fn a_wall_under_stress_slides_as_the_scene_says() {
         if friction > 0.0 {
             assert!(velocity.y > 1e-3 && velocity.z < -2e-3, "{velocity:?}");
         } else {
-            // The wall has slid by 13 skins, and no pair had to be listed anew for that: only because it came nearer.
+            // The wall has slid by 13 skins. Only its approach made pair lists necessary.
             let rebuilds = bench.sim.domain.traffic.rebuilds;
             assert!(velocity.y == 0.0 && rebuilds < 13, "{velocity:?}, {rebuilds}");
         }
     }
 }
 
-/// Of a hundred balls that fall, one hits the floor hard: nothing is at rest, and nothing says so. That it goes deep
-/// into the floor is told once.
+/// Among a hundred falling balls, one hits the floor hard. The run does not count as at rest, and the deep overlap gives one
+/// warning.
 #[test]
 fn a_blow_among_falling_grains_is_no_rest() {
     let text = r#"
@@ -432,7 +432,7 @@ history_every = 10
     assert!(told[0].contains("an overlap is") && told[0].contains("5 %"), "{told:?}");
 }
 
-/// A stress that one sphere cannot bear, and a wall with nothing before it.
+/// A stress that one sphere cannot support, and a wall without particles before it.
 #[test]
 fn a_target_out_of_reach_ends_the_run() {
     let servo = Servo { walls: vec![1], goal: Goal::Stress(1e9), max_speed: 1.0, gain: 1.0 };
@@ -455,7 +455,7 @@ fn a_target_out_of_reach_ends_the_run() {
     }
 }
 
-/// Spheres of two sizes in a box whose walls all move.
+/// Spheres of two sizes in a box whose walls can all move.
 const CUBE: &str = r#"
 title = "cube"
 global_damping = 300
@@ -515,7 +515,7 @@ walls = ["-z", "+z"]
 stress = 1e5
 coupled = true"#;
 
-/// The lid comes down while the sides keep their stress.
+/// A moving lid between sides that keep their stress.
 const SHEAR: &str = r#"
 wall_velocity = { "+z" = [0, 0, -0.02] }
 [[servo]]
@@ -528,7 +528,7 @@ fn cube(walls: &str, wall_friction: f64, restitution: &str) -> String {
         .replace("FRICTION", &wall_friction.to_string())
 }
 
-/// 125 balls with friction and dashpots, and walls as WALLS says.
+/// 125 balls with friction and dashpots, and walls from `WALLS`.
 const BALLS: &str = r#"
 seed = 3
 [domain]
@@ -567,7 +567,7 @@ history_every = 37
 "#;
 
 const SIX: &str = "[[servo]]\nwalls = [\"-x\", \"+x\", \"-y\", \"+y\", \"-z\", \"+z\"]";
-/// Two coupled pairs, and a lid that comes down.
+/// Two coupled pairs, and a moving lid.
 const LID: &str = r#"wall_velocity = { "+z" = [0, 0, -0.02] }
 [[servo]]
 walls = ["-x", "+x"]
@@ -578,8 +578,8 @@ GAIN
 walls = ["-y", "+y"]
 coupled = true"#;
 
-/// Runs 125 balls. Over the last fifth of the run's rows, of all walls with a servo, the worst: error of the mean stress, and mean
-/// distance of a step's stress from the target. With it the report.
+/// Runs 125 balls. Returns the worst values of all walls with a servo, over the last fifth of the history's rows, and the report.
+/// The values are the error of the mean stress, and the mean distance of a step's stress from the target.
 fn balls(walls: &str, gain: &str, restitution: f64, dt: f64, steps: u64) -> ([f64; 2], Report) {
     let text = BALLS
         .replace("WALLS", walls)
@@ -603,7 +603,7 @@ fn balls(walls: &str, gain: &str, restitution: f64, dt: f64, steps: u64) -> ([f6
     let history = History::read(File::open(folder.path().join("history.csv")).unwrap()).unwrap();
     let mut worst = [0.0_f64; 2];
     for servo in &scene.servos {
-        // Coupled walls keep the mean of their stresses: their areas are equal.
+        // Coupled walls keep the mean of their stresses, as their areas are equal.
         let stresses = |&wall: &usize| {
             let name = format!("stress_{}_Pa", scene.walls[wall].name);
             let curve = history.curves.iter().find(|curve| curve.name == name).unwrap();
@@ -623,18 +623,18 @@ fn balls(walls: &str, gain: &str, restitution: f64, dt: f64, steps: u64) -> ([f6
     (worst, report(&sim, &finish, &Origin::default(), &mut comm))
 }
 
-/// The mean error of each servo, over its target.
+/// Mean error of each servo, over its target.
 fn told_errors(report: &Report) -> Vec<f64> {
     report.targets.iter().map(|target| target.mean_error).collect()
 }
 
-/// How many servos are warned of at the end.
+/// Number of servos with a warning at the end.
 fn warned(report: &Report) -> usize {
     let of_servos = |warning: &&String| warning.contains("has not kept its stress");
     report.warnings.iter().filter(of_servos).count()
 }
 
-/// With dashpots the stress on six walls went 0, 2, 0, 2 times its target for 19,000 steps.
+/// Dashpots once made the stress on six walls alternate between 0 and 2 times its target for 19,000 steps.
 #[test]
 fn six_servos_keep_their_stress_on_dashpots() {
     for (restitution, dt, steps) in
@@ -649,7 +649,7 @@ fn six_servos_keep_their_stress_on_dashpots() {
     }
 }
 
-/// A stage that `[stop]` ends while its servos are off is warned of it, unless `[stop]` was to wait for them.
+/// A stage that `[stop]` ends while its servos are off target gives a warning, unless `[stop]` was to wait for them.
 #[test]
 fn servos_that_a_stop_leaves_off_are_warned_of() {
     for (stop, expected) in [("unbalanced = 0.99", 6), ("servo = 0.99", 0)] {
@@ -661,7 +661,7 @@ fn servos_that_a_stop_leaves_off_are_warned_of() {
     }
 }
 
-/// A lid in a pipe presses on less than the area between planes, which is what its stress is taken over.
+/// A lid in a pipe presses on less than the area between planes, over which its stress is computed.
 #[test]
 fn a_servo_beside_a_pipe_is_doubtful() {
     let text = BALLS
@@ -675,7 +675,7 @@ fn a_servo_beside_a_pipe_is_doubtful() {
     let doubt = |text: &str| dem_mpi::scene::doubts::doubts(&scene(text)).join("\n");
     assert!(doubt(&(text.clone() + pipe)).contains("wall \"pipe\" does not narrow that"));
     assert_eq!(doubt(&text), "");
-    // Stresses are written of walls without a servo, too, if any wall moves.
+    // Stresses of walls without a servo are written, too, if any wall moves.
     let servo = "[[servo]]\nwalls = [\"+z\"]\nstress = 1000\n";
     assert!(text.contains(servo));
     let moving = text.replace(servo, "wall_velocity = { \"+z\" = [0, 0, -0.02] }\n");
@@ -707,7 +707,7 @@ fn servos_keep_their_stress_under_a_moving_lid() {
     }
 }
 
-/// A wall that is too slow for a lid is told of at the end.
+/// A wall too slow for the lid gives a warning at the end.
 #[test]
 fn a_servo_off_its_target_is_told_at_the_end() {
     let (worst, report) = balls(LID, "max_speed = 1e-4", 0.3, 5e-6, 20_000);
@@ -715,7 +715,7 @@ fn a_servo_off_its_target_is_told_at_the_end() {
     assert_eq!(warned(&report), 2, "{report:#?}");
 }
 
-/// Rows of the history are means over the steps since the row before, of those that stand there at every step.
+/// Rows of the history are means over the steps since the previous row.
 #[test]
 fn rows_are_means_over_their_interval() {
     let rows_every = |every: u64| {
@@ -756,7 +756,7 @@ fn rows_are_means_over_their_interval() {
     }
 }
 
-/// Compression until the walls are at their targets, then shear from where the walls stand: a triaxial test.
+/// A triaxial test: compression until the walls reach their targets, then shear from their positions.
 #[test]
 fn stages_of_a_triaxial_test() {
     let folder = tempfile::tempdir().unwrap();
@@ -773,11 +773,11 @@ fn stages_of_a_triaxial_test() {
     assert_eq!(finish.ending, Ending::Rest, "step {}", sim.step);
     assert!(finish.measures.unbalanced < 1e-3);
 
-    // Coupled walls are as far from where they stood.
+    // Coupled walls have moved by the same distance.
     let walls = &sim.particles.walls;
     assert!((walls[4].point.z - (0.02 - walls[5].point.z)).abs() < 1e-15);
 
-    // The stress of the contacts is that on the walls.
+    // The stress from the contacts equals that on the walls.
     let reader = Reader::open(&first).unwrap();
     let analysis = analyse(&reader, "isotropic", Settings::default()).unwrap();
     let tensor = analysis.report.stress_pa.unwrap().tensor;
@@ -815,7 +815,7 @@ fn stages_of_a_triaxial_test() {
     assert!(unbalanced.iter().all(|&(_, ratio)| ratio > 0.0 && ratio < 1.0), "{unbalanced:?}");
 }
 
-/// What walls put in is counted: nothing is missing from the balance.
+/// The work of the walls is counted, so that the energy balance closes.
 #[test]
 fn the_work_of_walls_is_counted() {
     for restitution in ["", "restitution = 0.5\ntangential_damping_ratio = 0.1"] {

@@ -1,4 +1,4 @@
-//! Walls that press with a force: tilted planes, triangles, coupled sides; what they share with walls that keep a stress.
+//! Walls that keep a force: tilted planes, triangles, coupled sides, and features common with walls that keep a stress.
 
 use crate::support::{
     Bench, MATERIAL, OnRanks, ball, begun, close, expect_refused, of_servos, save, scene, schedule,
@@ -20,10 +20,10 @@ use std::path::{Path, PathBuf};
 
 const RADIUS: f64 = 0.005;
 const STIFFNESS: f64 = 1.5e5;
-/// The last of the walls: five are sides of the box.
+/// Index of the last wall; five others are sides of the box.
 const LAST: usize = 5;
 
-/// A square of two triangles across z about the origin, of which the diagonal goes from low to high [m].
+/// Writes a square of two triangles in the plane z = 0, with the given half edge [m]. Its diagonal runs from the low to the high corner.
 fn square(folder: &Path, half: f64) -> PathBuf {
     let file = folder.join("square.obj");
     let corners = [[-half, -half], [half, -half], [half, half], [-half, half]];
@@ -33,7 +33,7 @@ fn square(folder: &Path, half: f64) -> PathBuf {
     file
 }
 
-/// A box of 0.5 m by 0.5 m, open above, with one more wall and what moves it, for a damped ball of a mass [kg].
+/// Scene of a box of 0.5 m by 0.5 m, open above, with one more wall, its servo and a damped ball [kg].
 fn in_box(mass: f64, friction: f64, damping: f64, wall: &str, servo: &str) -> String {
     let density = mass / (4.0 / 3.0 * PI * RADIUS.powi(3));
     format!(
@@ -71,7 +71,7 @@ history_every = 50
     )
 }
 
-/// A light and damped ball on the floor, far from the diagonal of a square.
+/// A light and damped ball on the floor, away from the diagonal of a square.
 fn on_floor() -> Particle {
     ball(0, 0, Vec3::new(0.003, -0.006, RADIUS), Vec3::zeros())
 }
@@ -79,12 +79,13 @@ fn on_floor() -> Particle {
 const PLANE: &str = "point = [0, 0, 0.01]\nnormal = [0, 0, -1]";
 const LID: &str = "walls = [\"lid\"]\n";
 
-/// The force on the last wall [N].
+/// Force on the last wall [N].
 fn on_last(bench: &mut Bench) -> Vec3 {
     bench.measure().wall_forces[LAST]
 }
 
-/// Two springs in series under the force; with the area of 0.25 m² it is a stress of 400 Pa, of which a plane makes the same bits.
+/// Two springs in series under the force. Over the area of 0.25 m² it is a stress of 400 Pa, and a plane under this stress gives identical
+/// bits.
 #[test]
 fn a_lid_of_triangles_presses_as_a_plane_under_stress() {
     let folder = tempfile::tempdir().unwrap();
@@ -115,8 +116,8 @@ fn a_lid_of_triangles_presses_as_a_plane_under_stress() {
     close(2.0 * RADIUS - height, 2.0 * 100.0 / STIFFNESS, 1e-9, "way");
 }
 
-/// A plane that leans presses a ball into a corner: along its normal as if nothing else is said, or along another direction. Without
-/// friction its force is along its normal, and floor and side bear what it is.
+/// A tilted plane presses a ball into a corner: along its normal by default, or along another direction. Without friction its force is along
+/// its normal, and floor and side carry the rest.
 #[test]
 fn a_tilted_plane_presses_a_ball_into_a_corner() {
     let normal = Vec3::new(-0.6, 0.0, -0.8);
@@ -141,7 +142,7 @@ fn a_tilted_plane_presses_a_ball_into_a_corner() {
         ] {
             assert!((found - expected).norm() < 1e-8, "{along}: {found} {expected}");
         }
-        // It has gone in its direction, and along itself with the velocity that the scene says.
+        // The wall has moved along its direction, and sideways with the velocity of the scene.
         let lid = &bench.sim.particles.walls[LAST];
         assert_eq!(lid.velocity.y, 0.5);
         let way = lid.point - touches;
@@ -151,8 +152,8 @@ fn a_tilted_plane_presses_a_ball_into_a_corner() {
     }
 }
 
-/// Against a ball too heavy to move, what is missing falls with the double root 1 - P/2, P = 0.7: the stiffness is that along the direction.
-/// A contact that sticks, with a tangential stiffness like the normal one, has all of it in any direction.
+/// Against a ball too heavy to move, the deviation falls with the double root 1 - P/2, P = 0.7. The law uses the stiffness along the
+/// direction. A sticking contact with equal normal and tangential stiffness has it in any direction.
 #[test]
 fn an_oblique_wall_has_the_stiffness_along_its_way() {
     let along = Vec3::new(-1.0, 0.0, 0.0);
@@ -177,7 +178,7 @@ fn an_oblique_wall_has_the_stiffness_along_its_way() {
     }
 }
 
-/// Coupled sides go by one way, and have the force in the mean.
+/// Coupled sides move by the same distance, and have the force on average.
 #[test]
 fn coupled_sides_close_on_the_middle() {
     let servo = "walls = [\"-x\", \"+x\"]\nforce = 10\ncoupled = true\nmax_speed = 0.5";
@@ -196,7 +197,7 @@ fn coupled_sides_close_on_the_middle() {
     close(RADIUS - high, 10.0 / STIFFNESS, 1e-9, "way");
 }
 
-/// Runs the scene, to its report and the states of its drives.
+/// Runs the scene and returns its report and the states of its drives.
 fn ran(text: &str) -> (Report, Vec<dem_mpi::drive::SavedState>) {
     let scene = scene(text);
     let mut comm = Alone::default();
@@ -209,7 +210,7 @@ fn ran(text: &str) -> (Report, Vec<dem_mpi::drive::SavedState>) {
     (report(&sim, &finish, &Origin::default(), &mut comm), drives)
 }
 
-/// How a force was kept is told as of a stress. It is no target among stresses.
+/// The report of a force has the same entries as for a stress, but it is not listed among the stress targets.
 #[test]
 fn how_a_force_was_kept_is_told() {
     for (speed, is_off) in [("0.5", false), ("1e-9", true)] {
@@ -227,7 +228,7 @@ fn how_a_force_was_kept_is_told() {
     }
 }
 
-/// Nothing that bears them: each ends the run and names itself.
+/// Forces without support: each ends the run with its name.
 #[test]
 fn a_force_out_of_reach_ends_the_run() {
     let folder = tempfile::tempdir().unwrap();
@@ -252,7 +253,7 @@ fn a_force_out_of_reach_ends_the_run() {
     }
 }
 
-/// Grains with friction and dashpots under a square of triangles and a slope, between coupled sides: the same bits everywhere.
+/// Particles with friction and dashpots under a square of triangles and a slope, between coupled sides: identical bits everywhere.
 #[test]
 fn forces_are_kept_with_the_same_bits_everywhere() {
     let files = tempfile::tempdir().unwrap();
@@ -310,7 +311,7 @@ directory = "out"
     let saved = of_servos(&state.drives);
     let speeds = saved.reals(&StateColumn::new("speed", 1, "m/s")).unwrap();
     assert!(speeds.len() == 4 && speeds.iter().all(|&speed| speed != 0.0), "{speeds:?}");
-    // Some wall presses half-way, when the run was stopped.
+    // Some wall presses half-way, where the run stopped.
     let reader = Reader::open(folder.path()).unwrap();
     let saved = of_servos(&reader.header().drives).clone();
     let pressing = saved.integers(&StateColumn::new("pressing", 67, "2^(32 k - 1074) N")).unwrap();
@@ -318,7 +319,7 @@ directory = "out"
     assert!(pressing.iter().any(|&limb| limb != 0));
 }
 
-/// A plane that a stage left turned is pressed along its normal, or where `along` still leads it towards the grains.
+/// A plane that a stage left rotated presses along its normal, or along `along` if that still points to the particles.
 #[test]
 fn a_turned_plane_goes_on_with_a_force() {
     let text = |more: &str| {
@@ -329,7 +330,7 @@ fn a_turned_plane_goes_on_with_a_force() {
              first = [0.1, 0.1, 0.1]\ncount = [1, 1, 1]\n{more}\n[time]\nstep = 1e-5\nsteps = 1\n[output]\ndirectory = \"out\"\n"
         )
     };
-    // By 100 degrees, away from the ball.
+    // A rotation of 100 degrees, away from the ball.
     let turn = "[[motion]]\nwalls = [\"side\"]\nabout = [0.2, 0, 0]\naxis = [0, 1, 0]\namplitude = 100\nfrequency = 25\n";
     let first = scene(&text(turn));
     let mut comm = Alone::default();
@@ -355,7 +356,7 @@ fn a_turned_plane_goes_on_with_a_force() {
     assert!((along_normal - normal * 0.5).norm() < 1e-15, "{along_normal}");
     let aslant = taken("force = 1\nmax_speed = 0.5\nalong = [-7, 0, 7]").unwrap();
     assert!((aslant - Vec3::new(-1.0, 0.0, 1.0).normalize() * 0.5).norm() < 1e-15, "{aslant}");
-    // Upright it would be led along itself.
+    // Along z the plane would move along itself.
     expect_refused(
         &text("[[servo]]\nwalls = [\"side\"]\nforce = 1\nalong = [-1, 0, 1]\n"),
         "along = [-1, 0, 1]",
@@ -368,11 +369,11 @@ fn a_turned_plane_goes_on_with_a_force() {
     assert!(tilted.contains("it has wall \"side\", or one beside it, tilted"), "{tilted}");
 }
 
-/// A surface may be slow enough in its turn, and too fast with its servo.
+/// A surface may be slow enough in its rotation alone, but too fast together with its servo.
 #[test]
 fn a_turn_and_a_servo_count_together() {
     let folder = tempfile::tempdir().unwrap();
-    // Of a reach of 0.05 m: at 600 rad/s its corners go 30 m/s, of 50 that are allowed.
+    // With a reach of 0.05 m and 600 rad/s the corners move at 30 m/s, and 50 m/s are allowed.
     let half = 0.05 / 2_f64.sqrt();
     let wall = format!(
         "mesh = {:?}\nshift = [0, 0, 0.01]\nrotation = {{ about = [0, 0, 0.01], axis = [0, 0, 1], rate = 600 }}",
@@ -390,13 +391,13 @@ fn a_turn_and_a_servo_count_together() {
     );
 }
 
-/// The step of Hertzian contacts, and doubts about grains that are pressed flat, take a force over the smallest side of the domain.
+/// The step of Hertzian contacts, and the warning about large overlaps, use the force over the smallest side of the domain.
 #[test]
 fn a_force_counts_over_the_smallest_side() {
-    // 0.5 m by 0.05 m.
+    // The smallest side is 0.5 m by 0.05 m.
     let text = in_box(6e-5, 0.0, 0.0, PLANE, &format!("{LID}TARGET"));
     let said = |target: &str| doubts(&scene(&text.replace("TARGET", target))).join("\n");
-    // Of their diameter 0.01 m, p d / k.
+    // Overlap over the diameter of 0.01 m: p d / k.
     let flat = STIFFNESS / 0.01;
     let force = 0.2 * flat * 0.025;
     let doubt = said(&format!("force = {force:?}"));

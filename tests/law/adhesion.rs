@@ -1,4 +1,4 @@
-//! Attraction after Derjaguin, Muller and Toporov against closed forms: pull-off, impacts that give all back, friction under it.
+//! Attraction after Derjaguin, Muller and Toporov against closed forms: pull-off, impacts without losses, friction.
 
 use crate::support::{Bench, ball, close, expect_refused, scene, schedule, slides_beyond};
 use dem_mpi::comm::alone::Alone;
@@ -11,7 +11,7 @@ const RADIUS: f64 = 1e-4;
 const SMALL: f64 = 6e-5;
 const DENSITY: f64 = 2500.0;
 const SURFACE_ENERGY: f64 = 0.05;
-/// Of the linear springs [N/m].
+/// Stiffness of the linear springs [N/m].
 const STIFFNESS: f64 = 1e4;
 /// `E*` of the elastic spheres [Pa].
 const MODULUS: f64 = 0.5 * 1e9 / (1.0 - 0.09);
@@ -57,7 +57,7 @@ fn attraction(reduced_radius: f64) -> f64 {
     4.0 * PI * SURFACE_ENERGY * reduced_radius
 }
 
-/// The overlap at which the elastic force is this [m].
+/// Overlap at a given elastic force [m].
 fn overlap(law: [&str; 2], force: f64, reduced_radius: f64) -> f64 {
     if law == LINEAR {
         return force / STIFFNESS;
@@ -65,7 +65,8 @@ fn overlap(law: [&str; 2], force: f64, reduced_radius: f64) -> f64 {
     (0.75 * force / (MODULUS * reduced_radius.sqrt())).powf(2.0 / 3.0)
 }
 
-/// What pulls is a thousandth less than `2π w R*`, or a thousandth more: on a floor, and at a ball of another size.
+/// A pull of a thousandth less than `2π w R*` holds and of a thousandth more separates, on a floor and at a ball of another
+/// size.
 #[test]
 fn the_pull_off_force_is_that_of_the_theory() {
     for law in [LINEAR, HERTZ] {
@@ -81,7 +82,7 @@ fn the_pull_off_force_is_that_of_the_theory() {
                     let one = ball(0, 0, Vec3::new(0.0, 0.0, RADIUS - rest), Vec3::zeros());
                     (Bench::new(&text(law, "", down, step), &[one]), None)
                 } else {
-                    // Both turn about their common centre of mass, and their inertia pulls.
+                    // Both balls turn about their common centre of mass, and their inertia pulls.
                     let rest = overlap(law, (holds - pull).max(1e-6 * holds), reduced);
                     let distance = RADIUS + SMALL - rest;
                     let (m1, m2) = (mass(RADIUS), mass(SMALL));
@@ -108,7 +109,7 @@ fn the_pull_off_force_is_that_of_the_theory() {
     }
 }
 
-/// `1/2 m v² = ∫ N dδ - F_a δ` gives the largest overlap, and the ball leaves as fast as it came.
+/// `1/2 m v² = ∫ N dδ - F_a δ` gives the largest overlap, and the ball rebounds with its speed.
 #[test]
 fn an_impact_gives_back_what_it_took() {
     let speed = 0.05;
@@ -148,7 +149,8 @@ fn an_impact_gives_back_what_it_took() {
     }
 }
 
-/// A slow ball with a dashpot stays in the hollow of the energy. All that it had and what the hollow is deep is lost.
+/// A slow ball with a dashpot stays in the minimum of the energy. Its kinetic energy and the depth of the minimum are
+/// dissipated.
 #[test]
 fn a_slow_ball_sticks() {
     for law in [LINEAR, HERTZ] {
@@ -170,7 +172,7 @@ fn a_slow_ball_sticks() {
     }
 }
 
-/// Nothing but adhesion presses the ball on: it slides beyond `μ F_a`, held back by that much.
+/// Only adhesion presses the ball on: it slides beyond `μ F_a`, slowed by that force.
 #[test]
 fn friction_counts_what_adhesion_presses() {
     let friction = 0.4;
@@ -187,7 +189,7 @@ fn friction_counts_what_adhesion_presses() {
     }
 }
 
-/// What the law does not use is refused, and so are shapes that it is not for.
+/// Keys that the law does not use are rejected, and so are shapes that it does not support.
 #[test]
 fn keys_and_shapes_of_another_law_are_refused() {
     let good = text(LINEAR, "", Vec3::zeros(), 1e-9);
@@ -206,7 +208,7 @@ fn keys_and_shapes_of_another_law_are_refused() {
     }
 }
 
-/// A chain of balls across a period that is pulled, so that no contact presses, comes to rest as one that is pressed.
+/// A chain of balls across a period under tension comes to rest, like one under pressure.
 #[test]
 fn a_chain_under_tension_can_rest() {
     let (count, overlap) = (4, 1e-9);

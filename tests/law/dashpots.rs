@@ -1,5 +1,5 @@
-//! Dashpots that foresee are of second order in the step: rebounds of closed form at 25 to 200 steps a contact, the mean over 16 phases of the first touch
-//! in its step, and the worst of them.
+//! Dashpots with `foresee` are of second order in the step. Tests compare rebounds with closed forms at 25 to 200 steps a contact. They use the mean
+//! and the worst of 16 phases of the first touch within its step.
 
 use super::touch_and_end::{Impact, RADIUS, SPEED, STIFFNESS, mass, text};
 use crate::support::{Bench, OnRanks, scene};
@@ -8,7 +8,7 @@ use dem_mpi::math::Vec3;
 use dem_mpi::particles::records::Particle;
 use std::f64::consts::PI;
 
-/// A law with a material, and how long an elastic contact takes [s].
+/// A law with a material, and the duration of an elastic contact [s].
 struct Balls {
     law: String,
     material: String,
@@ -39,7 +39,7 @@ impl Balls {
         }
     }
 
-    /// One that falls on the floor, with more lines of law and material.
+    /// A ball that falls on the floor, with more lines of law and material.
     fn falls(&self, law: &str, material: &str) -> Impact {
         let shape = format!("kind = \"sphere\"\nradius = {RADIUS}");
         let (law, material) =
@@ -55,14 +55,14 @@ impl Balls {
     }
 }
 
-/// Mean errors at 25 to 200 steps a contact, and the order with which they fall.
+/// Mean errors at 25 to 200 steps a contact, and their order in the step.
 fn errors(impact: &Impact, right: f64, read: impl Fn(&Vec3, &Vec3) -> f64) -> ([f64; 4], f64) {
     let errors = [25.0, 50.0, 100.0, 200.0].map(|steps| impact.mean(steps, &read) - right);
     (errors, (errors[0] / errors[3]).abs().log2() / 3.0)
 }
 
-/// Contacts end where the force falls to nothing, or with `limit_damping = false` where the overlap does. Either way the restitution is
-/// that which was asked for.
+/// Contacts end where the force falls to zero, or with `limit_damping = false` where the overlap does. In both cases the restitution is the requested
+/// one.
 #[test]
 fn a_ball_leaves_with_its_restitution() {
     for (balls, name) in [(Balls::linear(), "linear"), (Balls::hertz(), "hertz")] {
@@ -78,7 +78,7 @@ fn a_ball_leaves_with_its_restitution() {
             });
             println!("{name} e = {restitution}, worst phase: {worst:?}");
             if name == "hertz" {
-                // Hertz' dashpot rises at once where a contact begins, with the fourth root of the time: less than second order.
+                // Hertz's dashpot rises with the fourth root of the time where a contact begins, so the order is below two.
                 assert!(worst[0] < 3e-3 && worst[1] < worst[0] / 2.0, "{name}: {worst:?}");
                 assert!(found[0].abs() < 1e-3 && found[3].abs() < 2e-4, "{name}: {found:?}");
                 continue;
@@ -89,7 +89,7 @@ fn a_ball_leaves_with_its_restitution() {
             let attracts = balls.falls("limit_damping = false", &material);
             let (found, _) = errors(&attracts, restitution, of_speed);
             println!("{name} e = {restitution}, attracting: {found:?}");
-            // The pull of the dashpot ends at once, wherever in a step that is.
+            // The attraction of the dashpot ends abruptly, anywhere within a step.
             assert!(found[0].abs() < 3e-3 && found[3].abs() < 3e-4, "{name}: {found:?}");
         }
     }
@@ -119,8 +119,8 @@ fn what_sticks_leaves_with_what_its_dashpot_has_left() {
     assert!(order > 1.8, "{found:?}: order {order}");
 }
 
-/// Five balls that are pressed between two plates, the middle one pushed up and aside: each force changes what all dashpots feel. Against
-/// a fortieth of the step. Foreseen it is of second order.
+/// Five balls between two plates, the middle one pushed up and aside: each force changes the velocities at all dashpots. The reference has a fortieth
+/// of the step. With `foresee` the error is of second order.
 #[test]
 fn a_pressed_stack_swings_with_second_order_if_that_is_foreseen() {
     for (balls, of_dashpots) in [
@@ -140,7 +140,7 @@ fn a_pressed_stack_swings_with_second_order_if_that_is_foreseen() {
                 ..Particle::at_rest(GlobalId(k), ShapeId(0), Vec3::z() * (apart * (k as f64 + 0.5)))
             })
             .collect();
-        // Pressed by 0.02 radii, contacts of Hertz are stiffer than in an impact.
+        // Under an overlap of 0.02 radii, Hertzian contacts are stiffer than in an impact.
         let time = if of_dashpots.contains("ratio") { 1.0 } else { 0.1 } * balls.duration;
         let order = |foresee: bool| {
             let law = balls.law.replace("foresee = true", &format!("foresee = {foresee}"));
@@ -181,7 +181,7 @@ kind = "sphere"
 radius = 0.001
 "#;
 
-/// Ellipsoids of many sizes, balls and pairs of balls fall through a period onto each other and the floor.
+/// Ellipsoids of many sizes, balls and pairs of balls fall across a periodic border onto each other and the floor.
 #[test]
 fn what_is_foreseen_has_the_same_bits_everywhere() {
     for law in
@@ -192,7 +192,7 @@ fn what_is_foreseen_has_the_same_bits_everywhere() {
         } else {
             "normal_stiffness = 1e4\ntangential_damping_ratio = 0.2"
         };
-        // By curvature there are no unions.
+        // Contacts by curvature exclude unions.
         let (union, more) = if law.contains("hertz") { ("", "") } else { (PAIR, ", pair = 1") };
         let scene = scene(&format!(
             r#"

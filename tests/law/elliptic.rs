@@ -1,4 +1,4 @@
-//! Impacts of ellipsoids by Hertz's law: restitution, energy, and what must not matter. The exact elliptic solution stands in
+//! Impacts of ellipsoids by Hertz's law: restitution, energy and invariances. The exact elliptic solution is in
 //! `benchmarks/verification/cases/elliptic.rs`.
 
 use crate::support::{Bench, at, close};
@@ -12,7 +12,7 @@ const DENSITY: f64 = 2500.0;
 /// Unit of length [m].
 const MM: f64 = 1e-3;
 
-/// A scene for a few bodies of a shape above a floor that is rigid.
+/// Scene for a few particles of a shape above a rigid floor.
 pub(crate) fn text(shape: &str, contact: &str, law: &str, step: f64) -> String {
     format!(
         r#"
@@ -48,7 +48,7 @@ step = {step:e}
 
 const LONG: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.002, 0.001, 0.001]";
 
-/// The restitution asked for comes out, attraction cut off or not.
+/// Impacts give the requested restitution, with and without the limit on attraction.
 #[test]
 fn restitution_of_ellipsoids_is_exact() {
     let step = 2e-9;
@@ -70,7 +70,7 @@ fn restitution_of_ellipsoids_is_exact() {
     }
 }
 
-/// Two bodies that meet in any way, the first of them with this id, all of it turned.
+/// Two particles on a random collision course, with the first one's id given, all rotated by `turn`.
 pub(crate) fn meeting(
     k: u64,
     shape: &str,
@@ -94,7 +94,7 @@ pub(crate) fn meeting(
     let support = |body: &Particle, way: &Vec3| {
         body.quaternion * shape.support(&body.quaternion.inverse_transform_vector(way))
     };
-    // Not just touching: rounding would say when it begins.
+    // A small gap, as exact touch would leave the beginning to rounding.
     let r = support(&bodies[0], &normal) - support(&bodies[1], &-normal) + normal * 1.3e-7;
     let inertia = scene.library.inertia[0];
     for (body, sign) in bodies.iter_mut().zip([1.0, -1.0]) {
@@ -116,12 +116,12 @@ pub(crate) fn meeting(
     Bench::of(&scene, &bodies)
 }
 
-/// Steps until they have parted; relative change of the energy, and what no channel accounts for.
+/// Runs until the particles have separated. Returns the relative change of the energy and the relative energy error.
 fn change_of_energy(bench: &mut Bench) -> [f64; 2] {
     change_in(400_000, bench).expect("they meet and part")
 }
 
-/// The same, if they meet and part in so many steps.
+/// Change of energy and energy error, or `None` if they do not meet and separate in `steps` steps.
 pub(crate) fn change_in(steps: u32, bench: &mut Bench) -> Option<[f64; 2]> {
     let before = bench.measure();
     let total = before.mechanical();
@@ -138,10 +138,11 @@ pub(crate) fn change_in(steps: u32, bench: &mut Bench) -> Option<[f64; 2]> {
     None
 }
 
-/// About the contact time of the long ellipsoids at 0.5 m/s [s].
+/// Approximate contact time of the long ellipsoids at 0.5 m/s [s].
 const TIME: f64 = 5e-5;
 
-/// Oblique impacts without losses keep their energy, to second order in the step and beyond, also over the crests of superellipsoids.
+/// Oblique impacts without losses conserve their energy, to second order in the step or better, also over the crests of
+/// superellipsoids.
 #[test]
 fn oblique_impacts_keep_their_energy() {
     let triaxial = "kind = \"ellipsoid\"\nsemi_axes = [0.0015, 0.001, 0.0006]";
@@ -166,7 +167,7 @@ fn oblique_impacts_keep_their_energy() {
     }
 }
 
-/// Grazing, with friction of 0.5: nothing makes energy, and what is lost is booked.
+/// Grazing impacts with friction of 0.5 create no energy, and all losses are booked.
 #[test]
 fn grazing_impacts_make_no_energy() {
     for contact in ["friction = 0.5", "friction = 0.5\nrestitution = 0.6"] {
@@ -184,7 +185,7 @@ fn grazing_impacts_make_no_energy() {
     }
 }
 
-/// Position, velocity, and angular velocity of both bodies, those of the first first.
+/// Position, velocity, and angular velocity of both particles, beginning with the first.
 fn state(bench: &Bench, first: u64) -> Vec<Vec3> {
     let particles = &bench.sim.particles;
     let spin = particles.spin.as_ref().expect("they turn");
@@ -197,7 +198,7 @@ fn state(bench: &Bench, first: u64) -> Vec<Vec3> {
         .collect()
 }
 
-/// Whatever the names of the bodies, and however all of it stands in space.
+/// Neither the ids of the particles nor the orientation in space matters.
 #[test]
 fn names_and_axes_do_not_matter() {
     let text = text(LONG, "friction = 0.5\nrestitution = 0.6", "", TIME / 500.0);
@@ -222,7 +223,7 @@ fn names_and_axes_do_not_matter() {
     }
 }
 
-/// Spheres that are called ellipsoids feel what spheres feel.
+/// Ellipsoids with equal axes have the forces of spheres.
 #[test]
 fn spheres_are_spheres_under_any_name() {
     let shapes = [

@@ -1,5 +1,5 @@
-//! Hertz and Mindlin between spheres against closed forms: the impacts of Chung and Ooi (2011, DOI
-//! 10.1007/s10035-011-0277-0), restitution, gross sliding, and the balance of energies.
+//! Hertz and Mindlin between spheres against closed forms: the impacts of Chung and Ooi (2011, DOI 10.1007/s10035-011-0277-0),
+//! restitution, gross sliding, and the energy balance.
 
 use crate::support::{Bench, at, begun, close, expect_refused, scene, schedule};
 use dem_mpi::comm::alone::Alone;
@@ -8,15 +8,15 @@ use dem_mpi::math::Vec3;
 use dem_mpi::scene::Scene;
 use dem_mpi::sim::run;
 
-/// A sphere and a floor that is rigid, or of the same material.
+/// A sphere and a floor, rigid or of the same material.
 struct Case {
     /// Young's modulus [Pa], Poisson's ratio, density [kg/m³].
     material: [f64; 3],
-    /// [m]
+    /// Radius of the sphere [m].
     radius: f64,
-    /// Of `[[interaction]]` with the floor and of the spheres with each other.
+    /// Keys of `[[interaction]]` with the floor and between spheres.
     contact: &'static str,
-    /// Of `[law]`, after `normal`.
+    /// Keys of `[law]`, after `normal`.
     law: &'static str,
 }
 
@@ -69,7 +69,7 @@ step = {step:e}
         )
     }
 
-    /// The sphere strikes the floor at this speed [m/s], and every step is looked at.
+    /// Text of an impact on the floor at this speed [m/s], with a row of the history at every step.
     fn thrown(&self, step: f64, speed: f64) -> String {
         format!(
             "{}steps = 600\n[[fill.lattice]]\nfirst = [0, 0, {:e}]\ncount = [1, 1, 1]\n\
@@ -79,8 +79,8 @@ step = {step:e}
         )
     }
 
-    /// Contact time, largest overlap, largest force of the elastic impact with a relative speed [s, m, N], on the rigid
-    /// floor or on another such sphere.
+    /// Contact time, largest overlap, largest force of an elastic impact [s, m, N] at a relative speed. The partner is the rigid
+    /// floor or another such sphere.
     fn closed_form(&self, speed: f64, on_floor: bool) -> [f64; 3] {
         let [youngs, poisson, density] = self.material;
         let mass = 4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3) * density;
@@ -94,16 +94,16 @@ step = {step:e}
     }
 }
 
-/// Just touching the floor.
+/// A sphere that just touches the floor.
 fn on_floor(case: &Case, step: f64, velocity: Vec3) -> Bench {
     Bench::new(&case.text(step), &[at(0, Vec3::new(0.0, 0.0, case.radius), velocity)])
 }
 
-/// Steps of an impact.
+/// Number of steps of an impact.
 const STEPS: f64 = 2000.0;
 
-/// Tests 1, 2 and 3 (at a restitution of 1): time, overlap and force of normal impacts; pairs in a slanted direction, too, and
-/// with their ids exchanged.
+/// Tests 1, 2 and 3 (at a restitution of 1): time, overlap and force of normal impacts. Pairs in a slanted direction, too, and with
+/// their ids exchanged.
 #[test]
 fn elastic_impacts_are_those_of_chung_and_ooi() {
     let law = "tangential = \"none\"";
@@ -141,7 +141,7 @@ fn elastic_impacts_are_those_of_chung_and_ooi() {
     }
 }
 
-/// Contact time [s], largest overlap [m] and force [N].
+/// Contact time [s], largest overlap [m] and largest force [N].
 fn impact(bench: &mut Bench, case: &Case, on_floor: bool) -> [f64; 3] {
     let overlap_in = |bench: &Bench| {
         let position = &bench.sim.particles.position;
@@ -165,7 +165,7 @@ fn impact(bench: &mut Bench, case: &Case, on_floor: bool) -> [f64; 3] {
     panic!("they never part");
 }
 
-/// Test 3 and beyond: the restitution asked for comes out, whether or not attraction is cut off.
+/// Test 3 and beyond: impacts give the requested restitution, with and without the limit on attraction.
 #[test]
 fn restitution_is_exact() {
     for limited in ["true", "false"] {
@@ -194,7 +194,7 @@ fn restitution_is_exact() {
     }
 }
 
-/// Test 4 above 32.52 degrees: it slides all the time. At grazing impacts nothing makes energy.
+/// Test 4 above 32.52 degrees: gross sliding. Grazing impacts create no energy.
 #[test]
 fn oblique_impacts_slide_and_never_gain_energy() {
     let speed = 3.9;
@@ -218,7 +218,7 @@ fn oblique_impacts_slide_and_never_gain_energy() {
             let gained = after.mechanical() / before - 1.0;
             println!("{what}: energy {gained:.3e}, missing {:.1e}", after.missing() / before);
             assert!(gained < 1e-6, "{what}: {gained:e} of the energy made");
-            // What a frictionless normal spring loses in finite steps no channel takes.
+            // No channel takes the loss of a frictionless normal spring in finite steps.
             assert!(after.missing().abs() < 1e-5 * before, "{what}: {:e}", after.missing());
             if degrees.to_radians().tan() > 1.05 * 3.5 * friction * (1.0 + restitution) {
                 let pushed = friction * (1.0 + restitution);
@@ -235,7 +235,7 @@ fn oblique_impacts_slide_and_never_gain_energy() {
     }
 }
 
-/// What the law does not use is refused, with the law that does.
+/// Keys that the law does not use are rejected, with the name of the law that uses them.
 #[test]
 fn keys_of_another_law_are_refused() {
     let case = Case { material: GLASS, radius: 0.01, contact: "", law: "" };
@@ -276,7 +276,8 @@ fn keys_of_another_law_are_refused() {
     }
 }
 
-/// A ball that strikes harder than the scene says: its contact is stiffer than the stable step was found for.
+/// A ball that strikes harder than the scene states has a stiffer contact than the stable step assumes. The report mentions it only
+/// if the step is close to the limit.
 #[test]
 fn an_overlap_beyond_what_the_step_was_found_for_is_told_where_little_is_left() {
     let case = Case {
@@ -308,8 +309,8 @@ fn an_overlap_beyond_what_the_step_was_found_for_is_told_where_little_is_left() 
     }
 }
 
-/// Spheres that servos press together: what the step is found for follows from their stress, four times of it where walls are driven,
-/// unless the scene says it. What comes is near.
+/// Spheres compressed by servos: the overlap assumed for the step follows from the stress, or from four times the stress where walls
+/// are driven. The scene can override it. The result is close to it.
 #[test]
 fn the_step_of_a_compression_is_found_for_its_stress() {
     let (stress, youngs, poisson) = (5e4, 1e8, 0.25);
@@ -347,7 +348,7 @@ fn the_step_of_a_compression_is_found_for_its_stress() {
     close(up_to(&scene(&shaken)), expected(4.0 * stress), 0.01, "a wall that moves by time");
     close(up_to(&scene(&loaded)), expected(stress), 0.01, "a wall that forces move");
     assert_eq!(up_to(&said), 0.03);
-    // Without servos: a lid that its weight and a force press, along its normal and held across it; one that they lift.
+    // Without servos: lids that weight and a force press, along the normal and held across it, and a lid that they lift.
     let lid = |motion: &str| {
         let bare =
             ["x", "y", "z"].iter().fold(text.clone(), |text, axis| text.replace(&servo(axis), ""));
@@ -374,7 +375,7 @@ fn the_step_of_a_compression_is_found_for_its_stress() {
     assert!((0.5..1.5).contains(&(came / up_to(&pressed))), "{came}");
 }
 
-/// A step within the limit that the scene was made for, and over the one that a hard blow leaves: the run ends, or goes on if it may.
+/// A step within the limit at the start, and beyond the limit after a hard impact: the run ends, or continues if allowed.
 #[test]
 fn a_step_over_the_limit_that_a_load_leaves_ends_the_run() {
     let law = "largest_overlap = 0.001";

@@ -1,4 +1,4 @@
-//! Hertz between bodies with faces and straight sides, which count as spheres of their volume: closed forms, energy, bits.
+//! Hertz contacts between shapes with faces and straight sides, which act as spheres of their volume: closed forms, energy, bits.
 
 use crate::law::elliptic::{change_in, meeting, text};
 use crate::support::{Bench, OnRanks, ball, close, expect_refused, scene};
@@ -64,7 +64,7 @@ fn cubes_that_land_flat_have_their_closed_form() {
     }
 }
 
-/// Oblique impacts of tumbling bodies without losses keep their energy, the better the shorter the step.
+/// Oblique impacts of rotating particles without losses conserve their energy, better with shorter steps.
 #[test]
 fn oblique_impacts_keep_their_energy() {
     for shape in [CUBE, ROUNDED, ROD] {
@@ -86,7 +86,7 @@ fn oblique_impacts_keep_their_energy() {
     }
 }
 
-/// With friction and dashpots nothing makes energy, and what is lost is booked.
+/// With friction and dashpots no energy is created, and all losses are booked.
 #[test]
 fn grazing_impacts_make_no_energy() {
     for shape in [CUBE, ROUNDED, ROD] {
@@ -107,7 +107,7 @@ fn grazing_impacts_make_no_energy() {
     }
 }
 
-/// A cube that spins on its face while it bounces: friction over the face takes its spin, and no more energy than it has.
+/// A spinning cube that bounces on its face: friction over the face takes its spin, and no more energy than it has.
 #[test]
 fn friction_over_a_face_takes_spin_and_books_it() {
     for contact in ["friction = 0.3", "friction = 0.3\nrestitution = 0.7"] {
@@ -119,7 +119,7 @@ fn friction_over_a_face_takes_spin_and_books_it() {
         let mut bench = Bench::of(&scene, &[cube]);
         let [gained, missing] = change_in(400_000, &mut bench).expect("it bounces");
         let after = bench.sim.particles.spin.as_ref().expect("it turns").angular_velocity[0].z;
-        // Coulomb: the impulse along the normal times friction times the mean distance on the face, 0.77 of its half length.
+        // Coulomb: normal impulse times friction times the mean distance on the face, 0.77 of its half length.
         let mass = scene.library.mass[0];
         let pushed = mass * (0.5 + bench.sim.particles.velocity[0].z);
         let most = 0.3 * pushed * 0.001 * 0.771 / scene.library.inertia[0].z;

@@ -1,4 +1,4 @@
-//! Adhesion after Johnson, Kendall and Roberts against closed forms: pull-off, separation, what a loop loses, friction under it.
+//! Adhesion after Johnson, Kendall and Roberts against closed forms: pull-off, separation, loss of a cycle, friction.
 
 use crate::support::{Bench, ball, close, expect_refused, scene, schedule, slides_beyond};
 use dem_mpi::comm::alone::Alone;
@@ -52,23 +52,24 @@ fn mass(radius: f64, density: f64) -> f64 {
     density * 4.0 / 3.0 * PI * radius.powi(3)
 }
 
-/// `a_0²/R*`, by which overlaps are measured [m].
+/// `a_0²/R*`, the unit of overlaps [m].
 fn depth(reduced: f64) -> f64 {
     (2.0 * PI * WORK / MODULUS).powf(2.0 / 3.0) * reduced.cbrt()
 }
 
-/// Energy lost from the touch to the end without dashpots [J] (Thornton and Ning 1998).
+/// Energy lost between touch and separation without dashpots [J] (Thornton and Ning 1998).
 fn lost(reduced: f64) -> f64 {
     let parts = 0.6 * (2.0 * PI).powf(2.0 / 3.0) + 0.4 * (PI / 8.0).powf(2.0 / 3.0);
     PI * parts * (WORK.powi(5) * reduced.powi(4) / MODULUS.powi(2)).cbrt()
 }
 
-/// A ball on the floor, and one that touches another of another size: the second is at rest, the first moves.
+/// A ball that moves onto the floor, or two balls of different size that approach with a relative speed, just before touch. Returns the
+/// simulation, the reduced radius and the reduced mass.
 fn thrown(with_floor: bool, own: &str, density: f64, speed: f64, step: f64) -> (Bench, f64, f64) {
     thrown_from(1e-12, with_floor, own, density, speed, step)
 }
 
-/// The same from a gap [m].
+/// The bodies of `thrown`, with a gap [m] between their surfaces.
 fn thrown_from(
     gap: f64,
     with_floor: bool,
@@ -95,12 +96,12 @@ fn thrown_from(
     (Bench::new(&scene, &pair), reduced, reduced_mass)
 }
 
-/// The overlap of the only contact [m].
+/// Overlap of the only contact [m].
 fn overlap(bench: &Bench) -> Option<f64> {
     bench.sim.contacts.iter().next().map(|(_, geometry)| geometry.overlap)
 }
 
-/// Through an impact: the last overlap, and whether it has ended.
+/// Runs through an impact. Returns the last overlap, and whether the contact has ended.
 fn through(bench: &mut Bench, steps: u32) -> (f64, bool) {
     let mut last = 0.0;
     let mut touched = false;
@@ -115,7 +116,7 @@ fn through(bench: &mut Bench, steps: u32) -> (f64, bool) {
     (last, false)
 }
 
-/// The contact ends at the gap of the theory, and what was lost is `7.09 (w⁵ R*⁴/E*²)^(1/3)`, whatever the speed. All is booked.
+/// The contact ends at the gap of the theory, and the loss is `7.09 (w⁵ R*⁴/E*²)^(1/3)` at any speed. All of it is booked.
 #[test]
 fn a_loop_loses_what_the_theory_says_and_ends_at_its_gap() {
     for with_floor in [true, false] {
@@ -147,7 +148,7 @@ fn a_loop_loses_what_the_theory_says_and_ends_at_its_gap() {
     }
 }
 
-/// A contact that holds across a gap is no error, and forces that pull count as those that press.
+/// A contact across a gap is no error of the audit, and attractive forces count like repulsive ones.
 #[test]
 fn an_audit_knows_contacts_across_a_gap() {
     for with_floor in [true, false] {
@@ -178,7 +179,7 @@ fn an_audit_knows_contacts_across_a_gap() {
     }
 }
 
-/// What dashpots take is not adhesion's, and a bounce with both loses both.
+/// Losses of dashpots and of adhesion are separate channels, and a bounce with both has both losses.
 #[test]
 fn what_adhesion_takes_is_told_from_what_dashpots_take() {
     let speed = (2.0 * 30.0 * lost(RADIUS) / mass(RADIUS, DENSITY)).sqrt();
@@ -190,14 +191,14 @@ fn what_adhesion_takes_is_told_from_what_dashpots_take() {
     bench.step();
     let after = bench.measure();
     close(after.taken_by(Quantity::OfAdhesion), lost(RADIUS), 1e-12, "to adhesion");
-    // As the equations have it, integrated without the program: adhesion makes contacts wider, and dashpots with them.
+    // Factor from an independent integration of the equations: adhesion widens the contacts, which increases the force of dashpots.
     let without_adhesion = 0.5 * mass * speed * speed * (1.0 - 0.81);
     close(after.of_normal_dashpots(), 1.41 * without_adhesion, 0.03, "to dashpots");
     close(before.kinetic() - after.kinetic(), after.dissipated, 1e-3, "all of it");
 }
 
-/// What steps of finite length miss depends on where within a step surfaces touch and part: over all such places it is of first
-/// order, and its mean is much less.
+/// The error of finite steps depends on the position of touch and separation within a step. Over all positions it is of first order, and its
+/// mean is much smaller.
 #[test]
 fn a_loop_loses_what_it_should_to_first_order_in_the_step() {
     let speed = (2.0 * 6.0 * lost(RADIUS) / mass(RADIUS, DENSITY)).sqrt();
@@ -227,7 +228,7 @@ fn a_loop_loses_what_it_should_to_first_order_in_the_step() {
     }
 }
 
-/// Two per cent less than the energy of the loop sticks, two more leaves.
+/// With two per cent less than the energy of the cycle the ball sticks, with two per cent more it leaves.
 #[test]
 fn whether_a_ball_sticks_is_a_matter_of_that_energy() {
     for (part, leaves) in [(0.98, false), (1.02, true)] {
@@ -239,7 +240,7 @@ fn whether_a_ball_sticks_is_a_matter_of_that_energy() {
     }
 }
 
-/// What pulls a ball off slowly is a thousandth less than `3/2 π w R*`, or a thousandth more.
+/// A slow pull of a thousandth less than `3/2 π w R*` holds, and of a thousandth more separates.
 #[test]
 fn the_pull_off_force_is_that_of_the_theory() {
     let holds = 1.5 * PI * WORK * RADIUS;
@@ -249,7 +250,7 @@ fn the_pull_off_force_is_that_of_the_theory() {
         let steps = 200_000;
         for step in 0..2 * steps {
             let ramp = f64::from(step).min(f64::from(steps)) / f64::from(steps);
-            // The nearer to the limit the softer it is: slower there.
+            // The contact softens near the limit, so the ramp is slower there.
             let ramp = 1.0 - (1.0 - ramp).powi(3);
             bench.sim.field.gravity.z = part * ramp * holds / mass(RADIUS, DENSITY);
             bench.step();
@@ -264,7 +265,7 @@ fn the_pull_off_force_is_that_of_the_theory() {
     }
 }
 
-/// Nothing but adhesion presses the ball on: it slides beyond `μ 3 π w R*`, held back by that much.
+/// Only adhesion presses the ball on: it slides beyond `μ 3 π w R*`, slowed by that force.
 #[test]
 fn friction_counts_what_adhesion_presses() {
     let friction = 0.4;
@@ -281,7 +282,8 @@ fn friction_counts_what_adhesion_presses() {
     }
 }
 
-/// Soft grains that stick overlap by more than the step was found for, without a load: their contacts are hardly stiffer, as their radii say.
+/// Soft adhesive particles exceed the overlap assumed for the step even without load. Their contacts are hardly stiffer, because stiffness
+/// follows the contact radius.
 #[test]
 fn the_stable_step_goes_with_the_contact_radius() {
     let (youngs, step) = (9.1e5, 1e-9);
@@ -294,7 +296,7 @@ fn the_stable_step_goes_with_the_contact_radius() {
             + "steps = 400\n[output]\nhistory_every = 1\n";
         scene(&text)
     };
-    // Without load.
+    // Contact radius without load.
     let rest = (4.5 * PI * WORK * RADIUS * RADIUS / modulus).cbrt();
     for part in [1.1, 1.5, 3.0] {
         let meant = overlap_of(rest) / RADIUS;
@@ -318,7 +320,7 @@ fn the_stable_step_goes_with_the_contact_radius() {
     close(spring, overlap, 1e-3, "it rests");
 }
 
-/// Without surface energy it is Hertz: the same impact to rounding.
+/// Without surface energy the impact is that of Hertz to rounding.
 #[test]
 fn without_surface_energy_it_is_hertz() {
     let run = |text: &str| {
@@ -340,7 +342,7 @@ fn without_surface_energy_it_is_hertz() {
     assert!((sticking - elastic).norm() < 1e-10 * elastic.norm(), "{sticking} {elastic}");
 }
 
-/// What does not go with it is refused.
+/// Incompatible keys are rejected.
 #[test]
 fn what_does_not_go_with_it_is_refused() {
     let good = text("", DENSITY, 1e-9);
@@ -356,7 +358,7 @@ fn what_does_not_go_with_it_is_refused() {
     }
 }
 
-/// The plan says at which gap a contact ends, `3/4 (π² w² R*/E*²)^(1/3)`, of the largest sphere on a plane.
+/// The plan states the gap at which a contact ends, `3/4 (π² w² R*/E*²)^(1/3)`, for the largest sphere on a plane.
 #[test]
 fn the_plan_names_the_gap_at_which_contacts_end() {
     let page = plan(&scene(&text("", DENSITY, 1e-9)), 1);
@@ -367,7 +369,7 @@ fn the_plan_names_the_gap_at_which_contacts_end() {
     close(gap, expected, 1e-3, "gap of the plan, on a plane");
 }
 
-/// The radius gives back its overlap: from the last gap to where Hertz takes over.
+/// The contact radius reproduces its overlap, from the last gap to where Hertz takes over.
 #[test]
 fn the_radius_is_that_of_the_overlap() {
     let (modulus, radius, surface_energy) = (5e8, 1e-4, 0.05);
@@ -401,7 +403,7 @@ fn the_energy_is_the_integral_of_the_force() {
         let press = sticking.press(normal, sticking.contact_radius(part * sticking.depth));
         assert!((slope / press - 1.0).abs() < 1e-5, "{part}: {slope:e} N, {press:e} N");
     }
-    // Thornton and Ning's constant.
+    // The constant of Thornton and Ning.
     let lost = energy(END) - energy(0.0);
     let scale = (0.1_f64.powi(5) * radius.powi(4) / modulus.powi(2)).cbrt();
     assert!((lost / scale - 7.09).abs() < 0.005, "{}", lost / scale);

@@ -1,5 +1,5 @@
-//! The kernel of laws by itself: the registers that every processor has against those of this one, and what contacts of one company do
-//! in another.
+//! The kernel of laws by itself: baseline registers against those of this processor, and independence of contacts from their
+//! neighbours in a register.
 
 use dem_mpi::contact::{Geometry, Pair, Patch, Previous, StateColumn};
 use dem_mpi::ids::{MaterialId, ShapeId, Slot};
@@ -12,7 +12,7 @@ use dem_mpi::particles::crowd::crowd;
 use dem_mpi::random::Random;
 use dem_mpi::shape::{Polyhedron, Shape};
 
-/// What touches, and what is remembered.
+/// Contacts with their memory.
 #[derive(Clone, Default)]
 struct Touching {
     pairs: Vec<Pair>,
@@ -24,11 +24,11 @@ struct Touching {
     patches: Vec<Patch>,
 }
 
-/// What a law finds.
+/// Result of a law.
 struct Found {
     state: Vec<f64>,
     forces: Vec<Vec3>,
-    /// With its sums.
+    /// Particles with their force sums.
     particles: Particles,
 }
 
@@ -75,12 +75,12 @@ impl Touching {
     }
 }
 
-/// Numbers that are remembered of a contact.
+/// Count of remembered numbers per contact.
 fn stride(law: &dyn ForceLaw) -> usize {
     StateColumn::total_width(law.state())
 }
 
-/// Those of the model among them.
+/// Count of the model's own numbers among them.
 fn width(law: &dyn ForceLaw) -> usize {
     let of_model = |column: &&StateColumn| ["spring", "normal_force"].contains(&&*column.name);
     law.state().iter().filter(of_model).map(|column| column.width).sum()
@@ -102,8 +102,8 @@ impl Found {
     }
 }
 
-/// With and without vector registers and in any company: sliding and sticking, with and without friction and
-/// dashpots, for the first time and again.
+/// Identical bits with and without vector registers and next to any other contacts. Cases: sliding and sticking, with and without
+/// friction and dashpots, first and later steps of a contact.
 #[test]
 fn lanes_give_the_same_bits_everywhere() {
     for sized in [false, true] {
@@ -111,7 +111,7 @@ fn lanes_give_the_same_bits_everywhere() {
     }
 }
 
-/// A chain of bodies, each in touch with the next; every fifth pair for the first time.
+/// A chain of particles, each in contact with the next; every fifth contact is new.
 fn touching(
     particles: &Particles,
     law: &dyn ForceLaw,
@@ -169,8 +169,8 @@ fn linear(interactions: &Interactions<Constants>, particles: &Particles) -> Box<
     Choice::Linear(settings).law(&particles.library)
 }
 
-/// In a list with contacts of faces, the others get the bits that they get without any: normal and sliding, for the first
-/// time and again, more than a window of them. Those of faces get the same bits in any company, too.
+/// In a list with face contacts, the others have the bits that they have without any. Cases: normal and sliding, first and later
+/// steps, more than a window of them. Face contacts have identical bits next to any others, too.
 #[test]
 fn contacts_without_a_patch_do_not_see_those_with_one() {
     let box_of = |size: f64| {
@@ -185,7 +185,7 @@ fn contacts_without_a_patch_do_not_see_those_with_one() {
         tangential_damping_ratio: 0.0,
     };
     let smooth = Constants { friction: 0.0, ..rough };
-    // What tangential dashpots took is remembered in other words with faces than without.
+    // With faces, the record of tangential dashpot losses is in other numbers than without.
     let damped = Constants { tangential_damping_ratio: 0.1, ..rough };
     for (sized, own, other) in [
         (false, rough, rough),
@@ -240,9 +240,9 @@ fn contacts_without_a_patch_do_not_see_those_with_one() {
             }
         }
         assert!(compared > 128 && compared + 40 < before.pairs.len(), "{compared}");
-        // Bodies whose both contacts are without boxes.
+        // Particles of which neither contact involves a box.
         for slot in (1..299).filter(|slot| (slot - 1..=slot + 1).all(|k| !is_box(k))) {
-            // Energies depend on what is remembered of the last force, which differs.
+            // Energies depend on the remembered last force, which differs.
             let sums = [&found, &without].map(|Found { particles, .. }| {
                 let torque = &particles.spin.as_ref().unwrap().torque;
                 [particles.force[slot].vector, torque[slot].vector]

@@ -1,5 +1,5 @@
-//! The physics against closed forms and the independent reference, where `benchmarks/verification` does not do it: its
-//! short cases have restitution, free tops, spheres that slide and roll, small rocking.
+//! The physics against closed forms and the independent reference, in addition to `benchmarks/verification`. Its short cases cover restitution, free
+//! tops, spheres that slide and roll, and small rocking.
 
 use crate::support::random::Draw;
 use crate::support::{Bench, at, json, number, scene};
@@ -19,7 +19,7 @@ fn vector(value: &Value) -> Vec3 {
     Vec3::from_column_slice(&numbers(value))
 }
 
-/// Relative difference.
+/// Checks a number against the expected one, to a relative tolerance.
 fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
     let scale = expected.abs().max(1e-300);
     assert!(
@@ -29,7 +29,7 @@ fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
     );
 }
 
-/// A scene in a wide box; its one lattice particle is not used.
+/// A scene in a wide box; the lattice particle is not used.
 fn text(shape: &str, material: &str, more: &str, dt: f64) -> String {
     format!(
         r#"
@@ -49,8 +49,9 @@ allow_unstable = true
 
 const OPEN_BOX: &str = "[domain]\nlow = [-1e9, -1e9, -1e9]\nhigh = [1e9, 1e9, 1e9]";
 
-/// Three balls in a row on a floor, at rest but for a push upwards: forces are `k` times overlaps. The mean resultant is over the mean force of
-/// all five contacts, or of three of two where there is no floor: contacts count as at least the balls.
+/// Three balls in a row on a floor, at rest except for an upward push: forces are `k` times overlaps. The history's unbalanced force is the mean
+/// resultant over the mean contact force. The mean force is over all five contacts. Without a floor the sum over two contacts is divided by three,
+/// the number of balls.
 #[test]
 fn the_history_has_the_mean_force_and_the_unbalanced_one() {
     let (radius, stiffness) = (0.01, 1e5);
@@ -109,7 +110,7 @@ fn free_motion_is_damped_as_the_discrete_formula_says() {
                 done += 1;
             }
             let particles = &bench.sim.particles;
-            // Rounding adds up over n steps.
+            // Rounding accumulates over n steps.
             let tolerance = 1e-15 * (n as f64 + 10.0);
             let velocity = bench.middle_velocity(0);
             close(velocity.x, number(&row["v_over_v0"]), tolerance, "v");
@@ -251,7 +252,7 @@ fn damped_spin_follows_the_discrete_formula() {
     close(after, before * factor, 1e-12, "spin");
 }
 
-/// A floor under gravity that is tilted by `slope` [rad] about y: down the slope is +x.
+/// A floor under gravity that is tilted by `slope` [rad] about y; +x points down the slope.
 fn slope(shape: &str, material: &str, slope: f64, dt: f64) -> String {
     let g = 9.81;
     let more = format!(
@@ -264,7 +265,7 @@ fn slope(shape: &str, material: &str, slope: f64, dt: f64) -> String {
 
 #[test]
 fn a_block_on_a_slope_slides_and_stops_as_coulomb_says() {
-    // A block does not roll: an enormous moment of inertia stands for it.
+    // A block does not roll: it is a sphere with an enormous moment of inertia.
     for case in json("dem_sliding_rolling.json")["block_on_plane"].as_array().unwrap() {
         let get = |key: &str| case[key].as_f64();
         let angle = get("slope_deg").unwrap().to_radians();
@@ -290,11 +291,11 @@ fn a_block_on_a_slope_slides_and_stops_as_coulomb_says() {
         let velocity = bench.sim.particles.velocity[0].x;
         if v0 > 0.0 || !stays {
             let expected = get("v_at_0.1s_if_sliding").unwrap();
-            // Until the tangential spring is stretched, friction is less than Coulomb's: 0.4 ms.
+            // Until the tangential spring is stretched, for 0.4 ms, friction is less than Coulomb's.
             close(at_tenth.unwrap(), expected, 3e-3, "velocity at 0.1 s");
         }
         if let Some(distance) = get("stop_distance") {
-            // It stops, and then rings on its spring.
+            // It stops, and then oscillates on its spring.
             close(bench.sim.particles.position[0].x, distance, 1e-3, "distance");
         } else if stays {
             assert!(bench.sim.particles.position[0].x.abs() < 1e-5, "it stays");
@@ -304,9 +305,9 @@ fn a_block_on_a_slope_slides_and_stops_as_coulomb_says() {
     }
 }
 
-/// A body slides until its dashpot holds what friction does: at `v = c a / k` with the deceleration `a` of its surface. What moves it
-/// then, and what is in its spring, goes to the dashpot, as does a part before it begins to slide; all else to friction. The surface of a
-/// sphere has 2/7 of its mass, and a little more of one that is pressed in.
+/// A body slides until its dashpot carries the friction force: at `v = c a / k` with the deceleration `a` of its surface. The remaining energy of
+/// that motion and of the spring goes to the dashpot, as does a part before sliding begins. All else goes to friction. The effective mass at the
+/// surface of a sphere is 2/7 of its mass, slightly more under an overlap.
 #[test]
 fn friction_and_tangential_dashpots_take_what_closed_forms_say() {
     let (density, friction, g, radius) = (2500.0, 0.3_f64, 9.81, 0.01_f64);
@@ -416,7 +417,7 @@ fn an_ellipsoid_rocks_far_as_the_reference_does() {
     }
 }
 
-/// Oblique, with friction, dashpots and spin: what is lost is what was dissipated, with short steps and with 40 in the touch.
+/// Oblique impacts with friction, dashpots and spin: the energy loss equals the dissipation, with short steps and with 40 steps a contact.
 #[test]
 fn energy_is_accounted_for_in_a_collision_with_everything_in_it() {
     let ball = "kind = \"sphere\"\nradius = 0.01";
@@ -457,8 +458,8 @@ fn energy_is_accounted_for_in_a_collision_with_everything_in_it() {
     }
 }
 
-/// How the kinetic energy of a crystal grows in a thousand steps of this part of the stable limit. Each ball has twelve
-/// neighbours, and in the fastest motion all turn alike.
+/// Growth of the kinetic energy of a crystal in a thousand steps of this fraction of the stable limit. Each ball has twelve neighbours, and in the
+/// fastest mode all rotate alike.
 fn growth_in_a_crystal(law: &str, damping: &str, part: f64) -> f64 {
     const CELLS: i32 = 3;
     let (radius, overlap) = (0.01, 1e-5);
@@ -496,7 +497,7 @@ fn growth_in_a_crystal(law: &str, damping: &str, part: f64) -> f64 {
 
 #[test]
 fn the_stable_step_is_stable_in_a_crystal_and_nearly_the_longest() {
-    // How much energy may be left, and a step that is too long.
+    // Largest final energy below the limit, and a step that is too long.
     let dashpots = [
         ("", 10.0, 1.05),
         ("tangential_damping_ratio = 0.1", 0.1, 1.05),
@@ -514,7 +515,7 @@ fn the_stable_step_is_stable_in_a_crystal_and_nearly_the_longest() {
     }
 }
 
-/// Two balls, too soft, whose centres pass each other within a step: the normal turns right round.
+/// Two balls, too soft, whose centres pass each other within a step, so that the normal reverses.
 #[test]
 fn a_contact_that_turns_right_round_stays_a_number() {
     let material = "density = 2650\nnormal_stiffness = 1e5\nfriction = 0.3";
@@ -531,8 +532,9 @@ fn a_contact_that_turns_right_round_stays_a_number() {
     assert!(force.x > 0.0, "and part");
 }
 
-/// A servo counts on the derivative of the force by the overlap, here by central differences, and of the dashpot's force by the way of a step. Closed
-/// form of the dashpots: critical damping of the stiffness at this overlap, `2 β √(m* k)`, times the root of 5/6 of elastic spheres.
+/// A servo relies on the derivative of the force by the overlap, checked by central differences. It also uses the dashpot's force over the
+/// displacement of a step. Closed form of the dashpots: critical damping of the stiffness at this overlap, `2 β √(m* k)`, times the root of 5/6 for
+/// elastic spheres.
 #[test]
 fn the_stiffness_of_a_contact_is_that_of_its_force() {
     let elastic = "density = 2500\nyoungs_modulus = 2e6\npoisson_ratio = 0.3\nrestitution = 0.5";

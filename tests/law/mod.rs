@@ -1,4 +1,4 @@
-//! From overlap to force: closed forms, energies, impacts.
+//! Contact laws: closed forms, energies and impacts.
 
 mod adhesion;
 mod dashpots;

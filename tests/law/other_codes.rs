@@ -1,4 +1,4 @@
-//! The same state by other codes: their answers are kept, so that they need not be installed.
+//! Comparisons with stored results of other codes, which need not be installed.
 
 use crate::support::Bench;
 use dem_mpi::ids::{GlobalId, ShapeId};
@@ -7,7 +7,7 @@ use dem_mpi::particles::records::Particle;
 use dem_mpi::scene::Scene;
 use std::path::Path;
 
-/// Start and end of each sphere [m], in `tests/reference`.
+/// Initial and final positions of each sphere [m], from a file in `tests/reference`.
 fn answer(file: &str) -> Vec<[Vec3; 2]> {
     let path = format!("{}/tests/reference/{file}", env!("CARGO_MANIFEST_DIR"));
     let mut rows = csv::Reader::from_path(&path).unwrap_or_else(|e| panic!("{path}: {e}"));
@@ -25,7 +25,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Where this program brings these spheres of `benchmarks/peers` in a millisecond [m].
+/// Final positions of these spheres after a millisecond of the scene in `benchmarks/peers` [m].
 fn ends(start: impl Iterator<Item = Vec3>, dt: f64) -> Vec<Vec3> {
     let path = format!("{}/benchmarks/peers/spheres.toml", env!("CARGO_MANIFEST_DIR"));
     let scene = Scene::read(Path::new(&path), &[format!("time.step={dt:e}")])
@@ -41,9 +41,9 @@ fn ends(start: impl Iterator<Item = Vec3>, dt: f64) -> Vec<Vec3> {
     (0..spheres.len() as u64).map(|id| bench.sim.particles.position[bench.slot(id)]).collect()
 }
 
-/// A corner of a settled packing, of which two sides have been taken away: most of its contacts slide. What is left between both
-/// codes is the arm of a contact (radius there, radius less half the overlap here). While the spring of a sliding contact was
-/// as long as the whole limit, dashpot included, it was eight times as much, whatever the step.
+/// A corner of a settled packing after removal of two sides: most contacts slide. The remaining difference between both codes is
+/// the lever arm of a contact (radius there, radius less half the overlap here). When the spring of a sliding contact had the
+/// length of the whole limit, dashpot included, the difference was eight times larger at any step.
 #[test]
 fn sliding_spheres_go_where_lammps_brings_them() {
     let rows = answer("lammps_corner_500.csv");

@@ -1,8 +1,8 @@
-//! The compiler's work on the loops in wide registers.
+//! Inlining of the loops in wide registers by the compiler.
 
 use std::process::Command;
 
-/// A closure that is not inlined has no wide registers, see `lanes`: each of its operations is a call, which makes a step twice as long.
+/// A closure that is not inlined has no wide registers, see `lanes`. Each of its operations is a call, which doubles the time of a step.
 #[test]
 fn nothing_in_wide_registers_is_called() {
     let output = Command::new("nm").arg("--demangle").arg(env!("CARGO_BIN_EXE_dem-mpi")).output();

@@ -1,4 +1,4 @@
-//! A law with rolling resistance as a user writes one: a [`Model`] with moments, which nothing else in the program knows.
+//! A user-defined law with rolling resistance: a [`Model`] with moments, unknown to the rest of the program.
 
 use crate::support::scene;
 use dem_mpi::comm::alone::Alone;
@@ -12,9 +12,9 @@ use dem_mpi::particles::Needs;
 use dem_mpi::scene::assemble;
 use dem_mpi::sim::Simulation;
 
-/// Linear springs with Coulomb friction, and rolling resistance: `M = k_r θ` with the angle `θ` by which A has rolled on B, cut
-/// to `μ_r R N` (the elastic-plastic spring of Ai, Chen, Rotter, Ooi 2011, DOI 10.1016/j.powtec.2010.09.030, section 3.3;
-/// Luding 2008, DOI 10.1007/s10035-008-0099-x, section 2.6). No dashpots.
+/// Linear springs with Coulomb friction and rolling resistance, without dashpots. `M = k_r θ` with the angle `θ` by which A has
+/// rolled on B, limited to `μ_r R N`. It is the elastic-plastic spring (Ai, Chen, Rotter, Ooi 2011, DOI
+/// 10.1016/j.powtec.2010.09.030, section 3.3; Luding 2008, DOI 10.1007/s10035-008-0099-x, section 2.6).
 #[derive(Clone, Copy, Debug)]
 struct Rolling {
     /// Normal and tangential stiffness [N/m].
@@ -26,7 +26,7 @@ struct Rolling {
     resistance: f64,
 }
 
-/// What of it differs from contact to contact.
+/// Constants of a contact.
 #[derive(Clone, Copy, Debug)]
 struct Constants<L> {
     /// `μ_r R` with the reduced radius [m].
@@ -36,7 +36,7 @@ struct Constants<L> {
 static REMEMBERED: [StateColumn; 2] =
     [StateColumn::new("spring", 3, "m"), StateColumn::new("rolled", 3, "rad")];
 
-/// A vector, or one along it that is as long as the limit.
+/// A vector, shortened to the limit if it is longer.
 #[inline]
 fn cut<L: Lanes>(vector: Triple<L>, limit: L) -> Triple<L> {
     let size = vector.dot(vector).sqrt();
@@ -136,28 +136,28 @@ impl Model for Rolling {
     }
 }
 
-/// The springs of a state.
+/// Springs of a state: sliding and rolling.
 #[inline]
 fn read<L: Lanes>(state: &[L]) -> [Triple<L>; 2] {
     [0, 3].map(|k| Triple { x: state[k], y: state[k + 1], z: state[k + 2] })
 }
 
-/// Of the sphere on the slope [m].
+/// Radius of the sphere on the slope [m].
 const RADIUS: f64 = 0.01;
-/// [kg/m³]
+/// Density of the sphere [kg/m³].
 const DENSITY: f64 = 2500.0;
-/// [m/s²]
+/// Gravity [m/s²].
 const GRAVITY: f64 = 9.81;
 const STIFFNESS: f64 = 1e5;
 const ROLLING_FRICTION: f64 = 0.2;
-/// [s]
+/// Time step [s].
 const STEP: f64 = 1e-5;
 
 fn mass() -> f64 {
     DENSITY * 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3)
 }
 
-/// A law that a thousandth of the sliding stiffness resists rolling: what slides meanwhile is a thousandth of what rolls.
+/// A law whose rolling stiffness is a thousandth of the sliding stiffness, so that sliding is a thousandth of rolling.
 fn rolling() -> Rolling {
     Rolling {
         stiffness: STIFFNESS,
@@ -167,7 +167,8 @@ fn rolling() -> Rolling {
     }
 }
 
-/// A sphere that rests on a plane of which the slope has this tangent: gravity is tilted. Pressed in by its weight.
+/// A sphere that rests, pressed in by its weight, on a plane with this tangent of the slope. Gravity is tilted instead of the
+/// plane.
 fn on_slope(tangent: f64) -> Simulation {
     let cos = 1.0 / (1.0 + tangent * tangent).sqrt();
     let down = GRAVITY * cos;
@@ -209,12 +210,12 @@ fn begun_with(text: &str, model: Rolling) -> Simulation {
     sim
 }
 
-/// The closed forms neglect what slides: a thousandth, and what it swings.
+/// Relative error of the closed forms, which neglect sliding (a thousandth) and its oscillation.
 const SLIDES: f64 = 2e-3;
 
-/// Up to the limit `θ_m = μ_r R N / k_r` the spring takes the work of gravity along the slope, `F x` with `x = R θ`; from there the
-/// moment is constant, and the sphere stops after the way `d = (F x_m - x_m μ_r N / 2) / (μ_r N - F)`. Then it swings
-/// back. All that is lost is lost to rolling beyond the limit, `μ_r N d`.
+/// Up to the limit `θ_m = μ_r R N / k_r` the spring takes the work of gravity along the slope, `F x` with `x = R θ`. Beyond it the
+/// moment is constant, and the sphere stops after the distance `d = (F x_m - x_m μ_r N / 2) / (μ_r N - F)`. It then swings back.
+/// The only loss is rolling beyond the limit, `μ_r N d`.
 #[test]
 fn a_sphere_stops_on_a_slope_below_the_rolling_friction() {
     let tangent = 0.8 * ROLLING_FRICTION;
@@ -241,10 +242,10 @@ fn a_sphere_stops_on_a_slope_below_the_rolling_friction() {
     assert!(missing < BALANCE, "{missing:.1e} of what is lost is missing");
 }
 
-/// Of what is lost: the work of linear springs is exact at mean forces, so that rounding is left.
+/// Relative energy error: the work of linear springs is exact at mean forces, so only rounding remains.
 const BALANCE: f64 = 1e-9;
 
-/// `a = 5/7 g (sin - μ_r cos)`, and the moment loses `μ_r N x`.
+/// `a = 5/7 g (sin - μ_r cos)`, and the moment dissipates `μ_r N x`.
 #[test]
 fn a_sphere_rolls_down_a_slope_above_the_rolling_friction() {
     for tangent in [1.1 * ROLLING_FRICTION, 2.0 * ROLLING_FRICTION] {
@@ -269,11 +270,11 @@ fn a_sphere_rolls_down_a_slope_above_the_rolling_friction() {
     }
 }
 
-/// What may be missing where springs without dashpots collide, whose own error no channel takes, of what is lost.
+/// Energy error of colliding springs without dashpots over the loss; no channel takes this error.
 const CROWD: f64 = 1e-3;
 
-/// Balls that spin and fall on each other and on a floor, without friction and with it: the balance closes. Without friction
-/// only moments change the spin and lose energy.
+/// Spinning balls that fall on each other and on a floor, without friction and with it: the balance closes. Without friction only
+/// moments change the spin and dissipate energy.
 #[test]
 fn moments_of_a_crowd_are_booked() {
     let text = r#"

@@ -1,5 +1,6 @@
-//! A plate that slides and spins on the floor, beside Coulomb's friction in each point under even pressure, integrated over the
-//! face (for discs in closed form: Farkas et al. 2003, DOI 10.1103/PhysRevLett.90.248302). Both slips share one limit.
+//! A plate that slides and spins on the floor, against Coulomb friction at each point under even pressure, integrated over the
+//! face. Farkas et al. 2003, DOI 10.1103/PhysRevLett.90.248302, give closed forms for discs. Translation and spin share one
+//! limit.
 
 use crate::support::{Bench, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};
@@ -11,10 +12,10 @@ const GRAVITY: f64 = 9.81;
 const THICKNESS: f64 = 0.004;
 const DENSITY: f64 = 2500.0;
 
-/// Velocity along x [m/s], along y, and spin [rad/s], with the turn of the plate [rad].
+/// Velocity along x and y [m/s], spin [rad/s], and rotation of the plate [rad].
 type State = [f64; 4];
 
-/// How they change by friction in each of many points.
+/// Rate of change of the state by friction at many points.
 fn rate(edges: [f64; 2], [vx, vy, spin, turn]: State) -> State {
     const POINTS: u32 = 40;
     let middle = |k: u32| (f64::from(k) + 0.5) / f64::from(POINTS) - 0.5;

@@ -1,5 +1,6 @@
-//! Contacts begin and end between two steps. What they remember then has the part of the step in which they touch: rebounds
-//! of closed form, each averaged over 16 phases of the first touch, at 12.5 to 100 steps a contact (80 to 10 % of the limit).
+//! Contacts begin and end between two steps. Their memory then covers the part of the step with contact. Rebounds have closed
+//! forms and are averaged over 16 phases of the first touch, at 12.5 to 100 steps a contact. This is 80 to 10 % of the stable
+//! limit.
 
 use crate::support::{Bench, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};
@@ -10,7 +11,7 @@ use std::f64::consts::PI;
 pub(super) const RADIUS: f64 = 1e-3;
 pub(super) const DENSITY: f64 = 2500.0;
 pub(super) const STIFFNESS: f64 = 1e4;
-/// Slow, so that overlaps are nothing beside a radius [m/s].
+/// Speed low enough that overlaps are negligible beside a radius [m/s].
 pub(super) const SPEED: f64 = 1e-3;
 const PHASES: u32 = 16;
 
@@ -31,16 +32,16 @@ step = 1e-7
     )
 }
 
-/// A grain that strikes the floor.
+/// A particle that strikes the floor.
 pub(super) struct Impact {
     pub(super) text: String,
-    /// From its centre to its lowest point [m].
+    /// Height of the centre over the lowest point [m].
     pub(super) height: f64,
     pub(super) velocity: Vec3,
-    /// About a principal axis [rad/s], with this moment of inertia [kg m²].
+    /// Spin about a principal axis [rad/s], with its moment of inertia [kg m²].
     pub(super) spin: Vec3,
     pub(super) inertia: f64,
-    /// How long it touches [s].
+    /// Contact time [s].
     pub(super) duration: f64,
 }
 
@@ -60,12 +61,12 @@ impl Impact {
         }
     }
 
-    /// What `read` sees of the grain afterwards, its mean over the phases, with so many steps while it touches.
+    /// Mean over the phases of `read` after the impact, for this number of steps a contact.
     pub(super) fn mean(&self, steps: f64, read: impl Fn(&Vec3, &Vec3) -> f64) -> f64 {
         self.of_phases(steps, read).iter().sum::<f64>() / f64::from(PHASES)
     }
 
-    /// What `read` sees of the grain afterwards, of each phase of the first touch in its step.
+    /// Values of `read` after the impact, for each phase of the first touch within its step.
     pub(super) fn of_phases(&self, steps: f64, read: impl Fn(&Vec3, &Vec3) -> f64) -> Vec<f64> {
         let dt = self.duration / steps;
         let mut scene = scene(&self.text);
@@ -97,12 +98,12 @@ impl Impact {
         (0..PHASES as usize).map(of_phase).collect()
     }
 
-    /// The error beside what is right is this small at most at 12.5 steps, and falls with second order.
+    /// Checks that the error is at most `most` at 12.5 steps and falls with second order.
     fn holds(&self, what: &str, right: f64, most: f64, read: impl Fn(&Vec3, &Vec3) -> f64) {
         let errors = [12.5, 25.0, 50.0, 100.0].map(|steps| (self.mean(steps, &read) - right).abs());
         eprintln!("{what}: {errors:?}");
         assert!(errors[0] < most, "{what}: {errors:?}");
-        // Where two errors cancel, a smaller one need not fall.
+        // Where two errors cancel, the smaller one need not fall.
         let order = (errors[1] / errors[3]).log2() / 2.0;
         assert!(order > 1.6 || errors[3] < 1e-5, "{what}: order {order:.2}, {errors:?}");
     }
@@ -112,7 +113,7 @@ pub(super) fn mass() -> f64 {
     DENSITY * 4.0 / 3.0 * PI * RADIUS.powi(3)
 }
 
-/// `u' = u cos(√(7/2 k_t/m) t_c)`: where `k_t = 2/7 k_n` the spring is empty at the end, and else as full as can be.
+/// `u' = u cos(√(7/2 k_t/m) t_c)`: for `k_t = 2/7 k_n` the spring is empty at the end, otherwise it is as loaded as possible.
 #[test]
 fn what_sticks_leaves_with_the_phase_of_its_spring() {
     for (ratio, most) in [(2.0_f64 / 7.0, 0.01), (0.5, 0.01), (0.8, 0.03), (1.0, 0.05)] {
@@ -125,11 +126,11 @@ fn what_sticks_leaves_with_the_phase_of_its_spring() {
     }
 }
 
-/// It sticks until the limit, which falls to nothing, has come down to the force at a time that is found by halving.
+/// The contact sticks until the falling limit reaches the tangential force, at a time found by bisection.
 #[test]
 fn what_slides_in_the_end_leaves_as_coulomb_says() {
     let (ratio, friction, speed) = (0.8_f64, 0.5, 0.3 * SPEED);
-    // Times are phases of the contact, forces are over that of a compression of 1 m, lengths over the largest.
+    // Times are phases of the contact, forces are relative to a compression of 1 m, lengths to the largest overlap.
     let rate = (3.5 * ratio).sqrt();
     let over =
         |phase: f64| ratio * 0.3 * (rate * phase).sin().abs() / rate - friction * phase.sin();
@@ -146,7 +147,8 @@ fn what_slides_in_the_end_leaves_as_coulomb_says() {
     impact.holds("sliding in the end", right, 0.01, slip);
 }
 
-/// With `5.625 μ² = 1` the springs against turning have the period of the contact: all of the spin comes back.
+/// With `5.625 μ² = 1` the springs against rolling and twisting have the period of the contact: the spin is reversed without
+/// loss.
 #[test]
 fn what_rolls_or_twists_leaves_with_its_spin_turned_round() {
     let friction = 1.0 / 5.625_f64.sqrt();
@@ -160,13 +162,13 @@ fn what_rolls_or_twists_leaves_with_its_spin_turned_round() {
     }
 }
 
-/// A cube that falls on a face and spins about the normal: the moment of friction has the period of the contact where
-/// `a² k_t / I = k_n / m` with the mean distance `a`; one that slides has it with `k_t = k_n`, as far as it does not tip.
+/// A cube that falls on a face and spins about the normal. The moment of friction has the period of the contact where `a² k_t
+/// / I = k_n / m` with the mean distance `a`. A sliding cube has it with `k_t = k_n`, as far as it does not tip.
 #[test]
 fn a_face_that_twists_leaves_with_its_spin_turned_round() {
     let edge = 2.0 * RADIUS;
     let mass = DENSITY * edge.powi(3);
-    // Beside the mean distance on a square the program has that of a disc, which is 0.6 % more.
+    // The program uses the mean distance of a disc, which is 0.6 % more than that of a square.
     let distance = 8.0 / 9.0 * edge * edge / 6.0;
     let stiffness = STIFFNESS * edge * edge / 6.0 / distance;
     let material = format!(
@@ -186,10 +188,10 @@ fn a_face_that_twists_leaves_with_its_spin_turned_round() {
     impact.holds("a face that twists", -1.0, 0.01, left);
 }
 
-/// Motion of a ball of Hertz and Mindlin that strikes and sticks, by the classical method of fourth order: where the contact
-/// grows the force keeps what it has, where it shrinks the stretch does. Returns the slip that is left over that before.
+/// Motion of a ball of Hertz and Mindlin that strikes and sticks, by the classical Runge-Kutta method. While the contact
+/// grows the force is kept, and while it shrinks the stretch is kept. Returns the final slip velocity over the initial one.
 fn hertz_and_mindlin(modulus: f64, shear_modulus: f64, slip: f64, duration: f64) -> f64 {
-    // Overlap, its rate, slip, and the tangential force, or the stretch.
+    // Overlap, its rate, slip, and the tangential force or the stretch.
     type State = [f64; 4];
     let rate = |[overlap, approach, slip, memory]: State, grows: bool| -> State {
         let root = (RADIUS * overlap.max(0.0)).sqrt();

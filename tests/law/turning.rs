@@ -1,5 +1,5 @@
-//! Resistance to rolling and twisting as a scene asks for it: closed forms of a sphere on a plane, what observers and the order
-//! of ids may not change, bodies of all kinds, and the balance of energies. (`rolling.rs` has a law of one's own.)
+//! Resistance to rolling and twisting from a scene: closed forms of a sphere on a plane, invariances, particles of all kinds, and the energy
+//! balance. (`rolling.rs` has a user-defined law.)
 
 use crate::support::{Bench, Frame, close, expect_refused, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};
@@ -49,14 +49,14 @@ step = {step:e}
     )
 }
 
-/// A second ball.
+/// Table of a second ball.
 const SMALL: &str = "[[shape]]\nname = \"small\"\nkind = \"sphere\"\nradius = 0.004\n";
 
 fn mass() -> f64 {
     DENSITY * 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3)
 }
 
-/// Pressed in by its weight along z [m].
+/// Overlap of a ball under a weight along z [m].
 fn overlap(law: (&str, &str), weight: f64) -> f64 {
     if law.0.is_empty() {
         return weight / 1e6;
@@ -76,8 +76,8 @@ fn resting(law: (&str, &str), own: &str, down: Vec3, velocity: Vec3, spin: Vec3)
     Bench::new(&text(law, own, down, step), &[ball])
 }
 
-/// `a = -5/7 μ_r g`, and it stops after `7 v² / (10 μ_r g)` and half of the way on which the spring is stretched, `δ / (2.25
-/// μ_r)`. All of the energy is lost, to rolling.
+/// `a = -5/7 μ_r g`. The ball stops after `7 v² / (10 μ_r g)` and half of the distance on which the spring is stretched, `δ / (2.25 μ_r)`. All
+/// of the energy is dissipated by rolling.
 #[test]
 fn a_rolling_sphere_slows_down_and_stops() {
     let (friction, speed) = (0.05, 0.1);
@@ -111,7 +111,7 @@ fn a_rolling_sphere_slows_down_and_stops() {
     }
 }
 
-/// Gravity is tilted: below `tan = μ_r` it stays, above it rolls with `5/7 g (sin - μ_r cos)`.
+/// Gravity is tilted: below `tan = μ_r` the sphere stays, above it rolls with `5/7 g (sin - μ_r cos)`.
 #[test]
 fn a_sphere_rests_on_a_slope_below_the_rolling_friction_and_rolls_above() {
     let friction = 0.1_f64;
@@ -132,7 +132,7 @@ fn a_sphere_rests_on_a_slope_below_the_rolling_friction_and_rolls_above() {
             let what = format!("{} slope {tangent}", law.0);
             if tangent < friction {
                 let way = bench.sim.particles.position[0].x;
-                // Loaded at once it swings beyond the stretch of the spring, if nothing damps it by so much, see `rolling.rs`.
+                // Under a sudden load it overshoots the stretch of the spring, by this much without damping, see `rolling.rs`.
                 let part = tangent / friction;
                 let stretch = overlap(law, mass() * GRAVITY * cos) / (2.25 * friction);
                 let most = stretch * (1.0 + (part - 0.5) / (1.0 - part));
@@ -211,7 +211,7 @@ fn pair(swapped: bool, turn: &Mat3, drift: Vec3) -> [(Vec3, Vec3); 2] {
     })
 }
 
-/// Exchanged ids, a turned frame and another inertial frame change nothing but the rounding.
+/// Exchanged ids, a rotated frame and another inertial frame change only the rounding.
 #[test]
 fn observers_see_the_same() {
     let usual = pair(false, &Mat3::identity(), Vec3::zeros());
@@ -229,7 +229,7 @@ fn observers_see_the_same() {
     }
 }
 
-/// Two balls that turn as one body, like a dumb-bell, neither roll nor twist: no moment acts, and the springs stay as they are.
+/// Two balls that rotate as one body neither roll nor twist: no moment acts, and the springs stay as they are.
 #[test]
 fn what_turns_as_one_body_feels_no_moment() {
     let text =
@@ -253,7 +253,7 @@ fn what_turns_as_one_body_feels_no_moment() {
     }
 }
 
-/// Grains of all kinds that fall into a box, with both laws where there are only spheres. The balance closes.
+/// Particles of all kinds fall into a box, with both laws for spheres alone. The energy balance closes.
 #[test]
 fn the_balance_of_a_crowd_closes() {
     let balls = "kind = \"sphere\"\nradius = 0.006\nsize = { uniform = [0.5, 1.0] }";
@@ -297,7 +297,7 @@ fn the_balance_of_a_crowd_closes() {
     }
 }
 
-/// A box on its face that spins on the spot: friction takes the moment of its extent, and the twisting spring adds none.
+/// A box that spins on its face: friction has the moment of the face's extent, and the twisting spring adds none.
 #[test]
 fn twisting_is_not_counted_twice_where_faces_touch() {
     let turned = |twisting: &str| {
@@ -323,7 +323,7 @@ fn twisting_is_not_counted_twice_where_faces_touch() {
     assert_eq!(without.to_bits(), turned("twisting_friction = 0.5").to_bits());
 }
 
-/// What the law does not use is refused, with the law that does.
+/// Keys that the law does not use are rejected, with the name of the law that uses them.
 #[test]
 fn keys_of_springs_that_are_not_there_are_refused() {
     let good = text(LAWS[0], "rolling_friction = 0.1", Vec3::zeros(), 1e-6);
@@ -343,8 +343,8 @@ fn keys_of_springs_that_are_not_there_are_refused() {
     }
 }
 
-/// Long and flat grains turn more easily than spheres that are as large: with the longest step that the law allows, one that spins about
-/// its axis comes to rest.
+/// Long and flat particles rotate more easily than spheres of their size. With the longest step that the law allows, one that spins about its
+/// axis comes to rest.
 #[test]
 fn what_turns_easily_comes_to_rest() {
     for (semi_axes, axis) in [
@@ -369,7 +369,7 @@ fn what_turns_easily_comes_to_rest() {
             let limit = time_step_limit(&made_for.library, &*made_for.force_law()).unwrap().dt;
             let scene = of_step(0.99 * limit);
             let weight = scene.library.mass[0] * GRAVITY;
-            // So slow that the spring turns it back before the grain has turned over.
+            // Slow enough that the spring reverses the spin before the particle has turned over.
             let spin = 0.02 * (GRAVITY / RADIUS).sqrt();
             let grain = Particle {
                 angular_momentum: Vec3::ith(axis, spin * scene.library.inertia[0][axis]),
@@ -390,8 +390,8 @@ fn what_turns_easily_comes_to_rest() {
     }
 }
 
-/// Two balls of 10 and 4 mm that turn against each other: slowly `c ω` acts at once, with `c = 2 η √(I k)`, `k = 2.25 k_n (μ R_r)²` and `I` of
-/// both about the contact or the centre; fast `μ R_r N`.
+/// Two balls of 10 and 4 mm that rotate against each other. Slow rotation gives `c ω` at once, with `c = 2 η √(I k)`, `k = 2.25 k_n (μ R_r)²`
+/// and `I` of both about the contact or the centre. Fast rotation gives `μ R_r N`.
 #[test]
 fn moments_of_unequal_balls_have_their_closed_forms() {
     let (friction, damping, stiffness, overlap) = (0.2, 0.3, 1e6, 1e-5);

@@ -1,11 +1,11 @@
-//! Files in folders that others write to.
+//! Files in folders that other users can write to.
 
 use dem_mpi::files::{create, hold, is_there, open, read_to_string, replace};
 use std::fs;
 use std::io::Write as _;
 use std::os::unix::fs::symlink;
 
-/// In a folder that others write to, a name that is written may be a link to anything.
+/// In a folder that other users can write to, the name of an output file may be a link to anything.
 #[test]
 fn what_a_link_leads_to_stays_as_it_is() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Snapshots that were made to do harm: sealed, with checksums that hold, and refused all the same.
+//! Malicious snapshots: sealed and with valid checksums, but rejected.
 
 use crate::support::below;
 use crate::support::made_up::{self, Tables, header};
@@ -24,11 +24,11 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What ends a complete file, and the numbers before it [bytes].
+/// End mark of a complete file, and the length of the seal [bytes].
 const END: &[u8] = b"\ndem-mpi: whole\n";
 const SEAL: usize = 32;
 
-/// Changes the HDF5 file of a snapshot, and seals it as whoever has read its format can.
+/// Changes the HDF5 file of a snapshot, and seals it again as anyone can who knows the format.
 fn forged(path: &Path, change: impl FnOnce(&File) -> Result<()>) {
     let whole = fs::read(path).unwrap();
     fs::write(path, &whole[..whole.len() - SEAL]).unwrap();
@@ -52,7 +52,7 @@ fn located(file: &File, place: &str) -> Result<Location> {
     }
 }
 
-/// Puts another attribute in place of one.
+/// Replaces an attribute.
 fn attribute<T: H5Type>(file: &File, of: &str, name: &str, values: &[T]) -> Result<()> {
     let of = located(file, of)?;
     of.delete_attr(name)?;
@@ -65,7 +65,7 @@ fn scalar<T: H5Type>(file: &File, of: &str, name: &str, value: &T) -> Result<()>
     of.new_attr::<T>().create(name)?.write_scalar(value)
 }
 
-/// A dataset in place of one, with a checksum of anything.
+/// Replaces a dataset, with an arbitrary checksum.
 fn dataset<T: H5Type>(file: &File, place: &str, values: &[T]) -> Result<()> {
     file.unlink(place)?;
     let new = file.new_dataset::<T>().shape(values.len()).create(place)?;
@@ -85,14 +85,14 @@ fn pipe(folder: &Path) -> PathBuf {
     pipe
 }
 
-/// A snapshot of made-up tables in a folder.
+/// Writes a snapshot of invented tables into a folder.
 fn stored(folder: &Path) -> PathBuf {
     let Tables { particles, contacts, records } = made_up::of_rank(0, 1, true);
     snapshot::write(folder, &header(1), &particles, &contacts, &records, &mut Alone::default())
         .unwrap()
 }
 
-/// All that anybody reads of a snapshot.
+/// Reads all parts of a snapshot.
 fn read(path: &Path) -> std::result::Result<(), SnapshotError> {
     let reader = Reader::open_together(path, &mut Alone::default())?;
     reader.particles(0..reader.particle_count())?;
@@ -103,8 +103,8 @@ fn read(path: &Path) -> std::result::Result<(), SnapshotError> {
 
 const LIMIT: Duration = Duration::from_secs(20);
 
-/// Each would make a reader that trusts what a file says of itself write beyond its memory, read what is not there, wait for
-/// ever, or follow a link out of the file.
+/// Each forged structure is dangerous to a reader that trusts the file. The reader would write beyond its memory, read
+/// missing data, wait for ever, or follow a link out of the file.
 #[test]
 fn forged_structures_are_refused() {
     const SPRING: &str = "/restart/contacts/spring";
@@ -180,7 +180,7 @@ fn forged_structures_are_refused() {
     }
 }
 
-/// A pipe or a folder under the name of a snapshot: nobody waits.
+/// A pipe or a folder under the name of a snapshot is rejected without waiting.
 #[test]
 fn what_is_no_regular_file_is_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -199,7 +199,7 @@ fn what_is_no_regular_file_is_refused() {
     assert!(read(&path).is_err());
 }
 
-/// Shapes, ids and boxes that mean nothing, in a file that is otherwise whole.
+/// Invalid shapes, ids and boxes in an otherwise complete file.
 #[test]
 fn numbers_that_name_nothing_are_refused() {
     let write = |folder: &Path, header: &Header, tables: &Tables| {
@@ -232,7 +232,7 @@ fn numbers_that_name_nothing_are_refused() {
     assert!(refused(&late, &whole, &|_| ()).contains("/run"));
 }
 
-/// A heap of all kinds of grains after some steps.
+/// Writes a heap of all kinds of particles after some steps.
 fn heap(folder: &Path) -> (Scene, PathBuf) {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/program/kinds.toml");
     let scene = Scene::read(Path::new(file), &[]).unwrap();
@@ -257,7 +257,7 @@ fn heap(folder: &Path) -> (Scene, PathBuf) {
     (scene, finish.snapshot)
 }
 
-/// Numbers of particles and of contacts that no run writes end in a message or are taken as they are, never in a panic.
+/// Numbers of particles and contacts that no run writes end in a message or are accepted, never in a panic.
 #[test]
 fn strange_numbers_end_in_a_message() {
     const SEED: u64 = 7;

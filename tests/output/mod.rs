@@ -1,4 +1,4 @@
-//! Files that are written and read again.
+//! Output files: writing and reading back.
 
 mod files;
 mod hostile;

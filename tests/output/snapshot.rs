@@ -1,4 +1,4 @@
-//! Snapshots: what goes in comes out bit for bit, and damage is found.
+//! Snapshots: data are read back bit for bit, and damage is found.
 
 use crate::support::below;
 use crate::support::made_up::{self, Tables, header};
@@ -65,11 +65,12 @@ fn threads_round_trip_with_an_empty_rank() {
     }
 }
 
-/// Each rank writes as many particles as any other, however uneven the ids lie; rows come by their keys.
+/// All ranks write equal numbers of particles for any distribution of ids, and rows are in the order of
+/// their keys.
 #[test]
 fn every_rank_writes_its_share_of_the_rows() {
     for size in [1, 2, 3, 7] {
-        // Nearly all have left, of those who came first; a few are still there.
+        // Nearly all of the first particles have left.
         let ids: Vec<u64> = (0..10).chain(1_000_000..1_000_090).collect();
         let parts = threads::run(size, |comm| {
             let rank = u64::from(comm.rank().0);
@@ -88,7 +89,7 @@ fn every_rank_writes_its_share_of_the_rows() {
     }
 }
 
-/// Rows dealt out to any number of ranks make the same files, byte for byte, as those of one rank.
+/// Rows dealt out to any number of ranks give the same files as one rank, byte for byte.
 #[test]
 fn files_do_not_tell_how_many_ranks_wrote_them() {
     let files = |size: u32, way: Way| {
@@ -109,7 +110,7 @@ fn files_do_not_tell_how_many_ranks_wrote_them() {
     }
 }
 
-/// A drive may save a number that is none, and a wall may have more triangles than rows are.
+/// A drive may save NaN, and a wall may have more triangles than there are rows.
 #[test]
 fn drives_and_walls_round_trip() {
     let directory = tempfile::tempdir().unwrap();
@@ -142,7 +143,7 @@ fn nothing_at_all_round_trip() {
     assert_eq!(read(directory.path()).unwrap(), (empty, Tables::default()));
 }
 
-/// The files of a list for `ParaView`, with their times.
+/// Files in a list for `ParaView`, with their times.
 fn listed(directory: &Path, list: &str) -> Vec<(String, f64)> {
     let text = fs::read_to_string(directory.join(list)).unwrap();
     let series: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -151,7 +152,8 @@ fn listed(directory: &Path, list: &str) -> Vec<(String, f64)> {
     files.map(|f| (f["name"].as_str().unwrap().to_owned(), f["time"].as_f64().unwrap())).collect()
 }
 
-/// Also where a list was lost, a snapshot was removed or damaged, or one is written anew with another time.
+/// Lists stay correct when a list is lost, a snapshot is removed or damaged, or a step is written again
+/// with another time.
 #[test]
 fn lists_give_the_time_of_every_snapshot() {
     let folder = tempfile::tempdir().unwrap();
@@ -212,7 +214,7 @@ fn geometries_keep_their_bits() {
             shapes.map(|geometry| ShapeRow { geometry, ..row.clone() }).into_iter().collect();
         write(directory.path(), &header, &Tables::default(), &mut Alone::default());
         let found = Reader::open(directory.path()).unwrap().header().clone();
-        // Digits that are printed are those that tell a number from all others.
+        // The debug output has the shortest digits that identify a number.
         assert_eq!(format!("{:?}", found.shapes), format!("{:?}", header.shapes));
     }
 }
@@ -267,7 +269,7 @@ fn ranks_that_restart_check_together() {
     let path = write(directory.path(), &header(1), &tables, &mut Alone::default());
     let verify = || threads::run(3, |comm| Reader::open_together(&path, comm).map(drop));
     assert_eq!(verify(), [Ok(()), Ok(()), Ok(())]);
-    // A bit of the last row: only the last rank reads it.
+    // Only the last rank reads the last row.
     let last = tables.particles.torque.last().unwrap().z.to_le_bytes();
     let mut bytes = fs::read(&path).unwrap();
     let at = bytes.windows(8).position(|w| w == last).unwrap();
@@ -288,12 +290,12 @@ fn a_new_snapshot_leaves_the_old_one_until_it_is_complete() {
     let place = directory.path();
     let first = made_up::of_rank(0, 1, true);
     write(place, &header(1), &first, &mut Alone::default());
-    // What a crash leaves: partial files, and the contacts of a step without its particles.
+    // A crash leaves partial files, and the contacts of a step without its particles.
     fs::write(place.join(".particles_000000002.vtkhdf.partial"), "half").unwrap();
     fs::write(place.join(".last.vtkhdf.partial"), "half").unwrap();
     fs::write(place.join("contacts_000000002.vtkhdf"), "whole").unwrap();
     assert_eq!(read(place).unwrap(), (header(1), first.clone()));
-    // A write that fails: its partial name is taken by a directory.
+    // The write fails because a directory has its partial name.
     let taken = place.join(".particles_000000003.vtkhdf.partial");
     fs::create_dir(&taken).unwrap();
     let Tables { particles, contacts, records } = &first;
@@ -301,7 +303,7 @@ fn a_new_snapshot_leaves_the_old_one_until_it_is_complete() {
     let failed = snapshot::write(place, &header(3), particles, contacts, records, &mut comm);
     assert!(matches!(failed, Err(SnapshotError::Write { rank: 0, .. })), "{failed:?}");
     assert_eq!(read(place).unwrap(), (header(1), first));
-    // The next good one.
+    // The next valid snapshot.
     let second = made_up::of_rank(2, 3, false);
     write(place, &header(2), &second, &mut Alone::default());
     assert_eq!(read(place).unwrap(), (header(2), second));
@@ -354,7 +356,7 @@ fn what_is_not_a_snapshot_is_refused() {
     let path = write(place, &header(5), &tables, &mut Alone::default());
     let error = Reader::open(&place.join("contacts_000000005.vtkhdf")).err().unwrap();
     assert!(error.to_string().contains("has no particles"), "{error}");
-    // Contacts of another snapshot, or none: the particles can still be read.
+    // With missing contacts, or contacts of another snapshot, the particles can still be read.
     write(place, &header(6), &tables, &mut Alone::default());
     let contacts = place.join("contacts_000000005.vtkhdf");
     fs::copy(place.join("contacts_000000006.vtkhdf"), &contacts).unwrap();
@@ -383,8 +385,8 @@ fn a_file_cut_short_is_recognised() {
     assert_eq!(read(&path).unwrap(), (header(1), tables));
 }
 
-/// One snapshot, damaged a thousand times: cut at random, a few bits flipped at random, a stretch filled
-/// with zeros or with what stands elsewhere. HDF5 never sees any of it.
+/// One snapshot, damaged a thousand times: truncated, with a few bits flipped, or with a range overwritten
+/// by zeros or other data. HDF5 never reads any of it.
 #[test]
 fn a_thousand_damaged_snapshots_are_refused() {
     const SEED: u64 = 20;
@@ -410,7 +412,7 @@ fn a_thousand_damaged_snapshots_are_refused() {
                     bytes[bit / 8] ^= 1 << (bit % 8);
                 }
             }
-            // Structures are smaller than rows: here they get as many flips.
+            // Structures are smaller than rows, so this range gets its own flips.
             2 => {
                 let bit = below(2048 * 8);
                 bytes[bit / 8] ^= 1 << (bit % 8);
@@ -428,7 +430,7 @@ fn a_thousand_damaged_snapshots_are_refused() {
         fs::write(file, &bytes).unwrap();
         match read(&path) {
             Ok(read) => {
-                // Zeros where there were zeros: nothing has changed.
+                // Zeros over zeros change nothing.
                 assert!(read == original && bytes == *whole, "seed {SEED}, damage {damage}");
             }
             Err(error) => {
@@ -455,8 +457,8 @@ fn a_thousand_damaged_snapshots_are_refused() {
     assert_eq!(read(&path).unwrap(), original);
 }
 
-/// Of a directory the newest snapshot that is whole is opened, on any number of ranks, and the others
-/// are told.
+/// The newest complete snapshot of a directory is opened on any number of ranks, and the damaged ones are
+/// reported.
 #[test]
 fn damaged_snapshots_of_a_directory_are_passed_over() {
     let directory = tempfile::tempdir().unwrap();
@@ -478,11 +480,11 @@ fn damaged_snapshots_of_a_directory_are_passed_over() {
         }
     };
     opened(40, &[]);
-    // No link: the name tells which is the newest.
+    // Without a link the file name gives the newest.
     let last = place.join("last.vtkhdf");
     fs::remove_file(&last).unwrap();
     opened(40, &[]);
-    // A run that went back to an earlier snapshot: later ones are not its own.
+    // After a run that went back to an earlier snapshot, later ones do not count.
     std::os::unix::fs::symlink("particles_000000030.vtkhdf", &last).unwrap();
     opened(30, &[]);
     let whole = fs::read(&paths[2]).unwrap();
@@ -514,6 +516,6 @@ fn the_checksum_adds_up_and_sees_order() {
         flipped[bit / 8] ^= 1 << (bit % 8);
         assert_ne!(checksum(0, 24, &flipped), whole);
     }
-    // Rows that are not whole words.
+    // The rows are not whole words.
     assert_ne!(checksum(0, 3, &[1, 2, 3]), checksum(0, 3, &[1, 2, 4]));
 }

@@ -1,5 +1,5 @@
-//! Drawings are read back as a reader sees them: ticks give the scale of an axis, the legend what a colour means, and what is drawn then has to be
-//! the numbers that went in.
+//! Drawings are read back like by a viewer. Ticks give the scale of an axis, the legend gives the meaning of a colour, and the drawn values must
+//! be the input.
 
 use super::fabric::contacts_with;
 use super::plots::views;
@@ -22,7 +22,7 @@ const ORANGE_OF_SVG: &str = "#E69F00";
 const VERMILION_OF_SVG: &str = "#D55E00";
 const GREEN_OF_SVG: &str = "#009E73";
 
-/// An element of a drawing, and the text in it.
+/// An element of a drawing with its text.
 struct Element<'a> {
     tag: &'a str,
     line: &'a str,
@@ -58,7 +58,7 @@ fn elements(svg: &str) -> Vec<Element<'_>> {
     svg.split('<').filter(|part| !part.starts_with('/')).filter_map(element).collect()
 }
 
-/// A number as labels write it.
+/// Parses the number in a label.
 fn label(text: &str) -> f64 {
     let raised = |text: &str| -> i32 {
         let digits = "⁰¹²³⁴⁵⁶⁷⁸⁹";
@@ -78,7 +78,7 @@ fn label(text: &str) -> f64 {
     }
 }
 
-/// An axis: where two of its ticks are, and what they say.
+/// An axis: pixel positions and values of two ticks.
 struct Scale {
     ticks: [(f64, f64); 2],
     is_logarithmic: bool,
@@ -104,7 +104,7 @@ impl Scale {
         if self.is_logarithmic { 10f64.powf(value) } else { value }
     }
 
-    /// By how much a value may be off: places are rounded.
+    /// Largest error of a value, from the rounding of positions.
     fn tolerance(&self, value: f64) -> f64 {
         let [(first, low), (last, high)] = self.ticks;
         let per_unit = 2.0 * ((high - low) / (last - first)).abs();
@@ -112,7 +112,7 @@ impl Scale {
     }
 }
 
-/// A chart as its reader sees it.
+/// The contents of a chart, read back.
 struct Chart {
     x: Scale,
     y: Scale,
@@ -121,7 +121,7 @@ struct Chart {
     legend: Vec<(String, String)>,
     lines: Vec<(String, Vec<(f64, f64)>)>,
     dots: Vec<(String, (f64, f64))>,
-    /// From, to and height.
+    /// Colour with start, end and height of each bar.
     bars: Vec<(String, [f64; 3])>,
 }
 
@@ -159,7 +159,7 @@ impl Chart {
                 "circle" => {
                     dots.push((fill, value((element.number("cx"), element.number("cy")))));
                 }
-                // Axes are thinner.
+                // Axes have thinner lines.
                 "polyline" if element.attribute("stroke-width") == "12" => {
                     let points = element.points().into_iter().map(value).collect();
                     lines.push((element.attribute("stroke").to_owned(), points));
@@ -171,7 +171,7 @@ impl Chart {
         Self { x, y, labels, legend, lines, dots, bars }
     }
 
-    /// The line of this colour has these points.
+    /// Checks that the line of this colour has these points.
     fn has_line(&self, colour: &str, points: &[(f64, f64)]) {
         let (_, found) = self.lines.iter().find(|(of, _)| of == colour).expect("a line");
         self.are(found, points);
@@ -244,7 +244,7 @@ fn charts_show_what_they_are_given() {
     }
 }
 
-/// Energies by decade, loads against the normals of walls, ways inwards.
+/// Energies by decade, loads along the normals of walls, displacements inwards.
 #[test]
 fn histories_are_drawn_to_scale() {
     let wall = |name: &str, normal| WallRow {
@@ -288,7 +288,7 @@ fn histories_are_drawn_to_scale() {
     loads.has_line(loads.colour_of("low"), &[(0.0, 4.0), (0.4, 6.5), (1.0, -1.5)]);
 }
 
-/// Bars and dots count the contacts whose forces lie there.
+/// Bars and dots count the contacts in their interval of force.
 #[test]
 fn distributions_count_contacts() {
     let mut dice = Random::of(20, 3);
@@ -381,7 +381,7 @@ fn series_are_drawn_to_scale() {
     assert!(ratio.labels.contains(&"time (s)".to_owned()));
 }
 
-/// Petals are as long as rings say, in four quadrants; shear forces towards the horizontal are orange.
+/// Petals have the lengths given by the rings, in four quadrants. Shear forces towards the horizontal are orange.
 #[test]
 fn roses_are_drawn_to_scale() {
     let mut dice = Random::of(21, 0);
@@ -425,7 +425,7 @@ fn roses_are_drawn_to_scale() {
         for (radius, label) in radii.iter().zip(&labels) {
             assert!((radius - scale * label).abs() < 2.0, "{radius} {label}");
         }
-        // The mean is a ring of its own.
+        // A separate ring marks the mean.
         let means: Vec<f64> = (rings.iter().filter(|e| e.attribute("stroke") == "#5B6672"))
             .map(|e| e.number("r"))
             .collect();
@@ -467,7 +467,7 @@ fn roses_are_drawn_to_scale() {
     }
 }
 
-/// A picture of grains with such places, turns about y [rad] and contacts.
+/// Picture of particles with positions, rotations about y [rad] and numbers of contacts.
 fn pictured(semi_axes: Vec3, grains: &[(Vec3, f64, i32)], bounds: Option<&Bounds>) -> String {
     let high = Vec3::new(8.0, 4.0, 6.0);
     let mut snapshot = Snapshot {
@@ -484,7 +484,7 @@ fn pictured(semi_axes: Vec3, grains: &[(Vec3, f64, i32)], bounds: Option<&Bounds
     snapshot.analyse(Settings::default()).unwrap().picture.svg(bounds)
 }
 
-/// Where an ellipse is, its semi-axes [px], its turn [degrees], and its fill.
+/// Position, semi-axes [px], rotation [degrees] and fill of each ellipse.
 fn ellipses(svg: &str) -> Vec<([f64; 5], String)> {
     let all = elements(svg);
     let ellipse = |e: &Element| {
@@ -497,18 +497,19 @@ fn ellipses(svg: &str) -> Vec<([f64; 5], String)> {
     all.iter().filter(|e| e.tag == "ellipse").map(ellipse).collect()
 }
 
-/// An ellipse stands where its grain is, leans as it leans, and the nearest is drawn last. Tones go with contacts, as the legend has them.
+/// An ellipse has the position and inclination of its particle, and the nearest is drawn last. Tones follow the number of contacts, as in the
+/// legend.
 #[test]
 fn pictures_show_grains_to_scale() {
     let bounds = Bounds { low: Vec3::zeros(), high: Vec3::new(8.0, 4.0, 6.0) };
-    // A turn about y by 0.5 lowers the long axis, which points along x, by 0.5.
+    // A rotation about y by 0.5 lowers the long axis, which points along x, by 0.5.
     let grains = [
         (Vec3::new(2.0, 1.0, 4.5), 0.5, 0),
         (Vec3::new(5.0, 3.0, 1.5), -0.3, 5),
         (Vec3::new(6.0, 2.0, 4.0), 0.0, 13),
     ];
     let svg = pictured(Vec3::new(1.0, 0.5, 0.4), &grains, Some(&bounds));
-    // 720 pixels are 8 m, 12 from the edge.
+    // 720 pixels are 8 m, with a border of 12.
     let scale = 90.0;
     let all = elements(&svg);
     let outline = all.iter().find(|e| e.tag == "rect" && e.attribute("fill") == "none").unwrap();
@@ -536,7 +537,7 @@ fn pictures_show_grains_to_scale() {
         let at = all.iter().position(|e| e.tag == "circle" && e.attribute("fill") == fill).unwrap();
         assert_eq!(all[at + 1].text, name);
     }
-    // More contacts are darker, and none is another's.
+    // More contacts have a darker tone, and all tones differ.
     let brightness = |k: usize| {
         let gradient = all.iter().position(|e| e.attribute("id") == format!("tone{k}")).unwrap();
         let colour = all[gradient + 1].attribute("stop-color");
@@ -546,7 +547,7 @@ fn pictures_show_grains_to_scale() {
     is_a_true_bar(&all, scale);
 }
 
-/// The bar is as long as the words behind it say.
+/// Checks that the scale bar has the length in its label.
 fn is_a_true_bar(all: &[Element], scale: f64) {
     let at = all.iter().position(|e| e.tag == "polyline").expect("a bar");
     let numbers: Vec<f64> =
@@ -580,7 +581,7 @@ fn bars_are_as_long_as_they_say() {
     }
 }
 
-/// Pictures side by side have one scale.
+/// Adjacent pictures have one scale.
 #[test]
 fn pictures_side_by_side_have_one_scale() {
     let picture = |length: f64| {

@@ -12,7 +12,7 @@ use dem_mpi::post::region::{Members, Region};
 use dem_mpi::post::stress::Stress;
 use dem_mpi::random::Random;
 
-/// Contacts between two particles with these normals and forces.
+/// Contacts between two particles with the given normals and forces.
 pub(super) fn contacts_with(normals: &[Vec3], forces: &[(f64, Vec3)]) -> (Members, ContactTable) {
     let header = header(Vec3::zeros(), Vec3::repeat(1.0), false, Vec3::repeat(0.1), 2);
     let mut members = Members::new(Region::Whole);
@@ -20,7 +20,7 @@ pub(super) fn contacts_with(normals: &[Vec3], forces: &[(f64, Vec3)]) -> (Member
     members.add(&header, &two).unwrap();
     let mut contacts = ContactTable::default();
     for (normal, &(force, shear)) in normals.iter().zip(forces) {
-        // Like the force, so that branches have its anisotropy.
+        // Branches are parallel to the forces, so that they have the same anisotropy.
         let branch = normal * force + shear;
         push(&mut contacts, (0, GlobalId(1)), Vec3::zeros(), branch, normal * 0.5);
         push_force(&mut contacts, *normal, 1e-3, force, shear);
@@ -118,7 +118,7 @@ fn the_sign_of_an_anisotropy_goes_with_the_stress() {
 
 #[test]
 fn roses_of_a_known_density() {
-    // An isotropic set and its mean: every bin near one, and their weighted mean exactly one.
+    // An isotropic set: every bin is near one, and the weighted mean is exactly one.
     let mut dice = Random::of(4, 0);
     let normals: Vec<Vec3> = (0..40_000).map(|_| dice.direction()).collect();
     let a = Mat3::from_diagonal(&Vec3::new(-0.2, -0.2, 0.4));
@@ -136,7 +136,7 @@ fn roses_of_a_known_density() {
     for (k, ((density, normal), shear)) in
         rose.density.iter().zip(&rose.normal_force).zip(&rose.shear_force).enumerate()
     {
-        // The mean of a fit over the bin's ring of the sphere.
+        // Mean of a fit over the bin's ring on the sphere.
         let mean = |fit: &dyn Fn(f64) -> f64| {
             let angles = (0..100).map(|i| (k as f64 + (f64::from(i) + 0.5) / 100.0) * Rose::STEP);
             let (sum, weight) = angles.fold((0.0, 0.0), |(sum, weight), angle| {
@@ -144,7 +144,7 @@ fn roses_of_a_known_density() {
             });
             sum / weight
         };
-        // 600 contacts in the smallest bin: four standard errors.
+        // The smallest bin has 600 contacts: four standard errors.
         close(density.unwrap(), 1.0, 0.16, "density");
         let (normal, shear) = (normal.unwrap() / 2.0, shear.unwrap() / 2.0);
         close(normal, mean(&|angle| Rose::normal_fit(&a, angle)), 3e-3, "normal force");

@@ -52,7 +52,7 @@ fn a_diff_finds_what_was_planted() {
     let told = format!("scales of shape {shape}: [0.5, 1.0] and [0.5, 2.0]");
     assert_eq!(compare(&sized[0], &sized[1]).header, [told]);
 
-    // Of what is long the beginning.
+    // Long values are cut after their beginning.
     let mut wide = rains[0].clone();
     wide.header.drives[0].columns[0].values = Values::Counts((0..500).collect());
     let told = &compare(&first, &wide).header[0];
@@ -136,7 +136,7 @@ fn half_a_line_at_the_end_of_a_history_is_passed_over() {
     let whole = "step,time_s,top_m,overlap\n0,0,1,0.5\n10,0.1,2,2e-6\n";
     let history = History::read(whole.as_bytes()).unwrap();
     assert_eq!(history.curves.len(), 2);
-    // In the middle of a cell, after the last comma, in half a number.
+    // Cuts in the middle of a cell, after the last comma, in half a number.
     for cut in ["20,0.2,1", "20,0.2,", "20,0.2,3,2e", "20,0.2,3,2e-6", "\u{0}\u{0}"] {
         let read = History::read(format!("{whole}{cut}").as_bytes());
         assert_eq!(read.expect(cut), history, "{cut}");

@@ -45,21 +45,21 @@ fn shape(folder: &Path, name: &str, more: &[&str]) -> Output {
     program.expect("the program runs")
 }
 
-/// The numbers behind a label.
+/// Numbers after a label.
 fn numbers(page: &str, label: &str) -> Vec<f64> {
     let line = page.lines().find(|line| line.starts_with(label)).expect(label);
     let words = line[label.len()..].split([' ', ',', '[', ']']);
     words.filter_map(|word| word.parse().ok()).collect()
 }
 
-/// Twice the volume of superellipsoids is `4 a b c e1 e2 B(e1/2 + 1, e1) B(e2/2, e2/2)` (Jaklič, Leonardis, Solina 2000, 10.1007/978-94-015-9456-1).
+/// Volume of superellipsoids: `2 a b c e1 e2 B(e1/2 + 1, e1) B(e2/2, e2/2)` (Jaklič, Leonardis, Solina 2000, 10.1007/978-94-015-9456-1).
 fn superellipsoid(axes: [f64; 3], [e1, e2]: [f64; 2]) -> f64 {
     let beta = |a: f64, b: f64| libm::tgamma(a) * libm::tgamma(b) / libm::tgamma(a + b);
     let [a, b, c] = axes;
     2.0 * a * b * c * e1 * e2 * beta(0.5 * e1 + 1.0, e1) * beta(0.5 * e2, 0.5 * e2)
 }
 
-/// The volume that a closed surface in a file holds, by the divergence theorem.
+/// Volume inside a closed surface of a file, by the divergence theorem.
 fn volume_of(file: &[u8]) -> f64 {
     let points: Vec<f64> = arrays(file)("Points");
     let (members, ends): (Vec<i32>, Vec<i32>) =
@@ -117,7 +117,7 @@ fn shapes_are_told_and_drawn() {
     let ell = page("ell");
     let centre = numbers(&ell, "centre");
     assert!((centre[0] - 1.0 / 3.0).abs() < 1e-9 && (centre[1] - 1.0 / 3.0).abs() < 1e-9, "{ell}");
-    // From the centre to the far corners (3/2, -1/2, 1/2).
+    // Distance from the centre to the far corners (3/2, -1/2, 1/2).
     close(
         numbers(&ell, "bounding ball")[0],
         (49.0_f64 / 36.0 + 25.0 / 36.0 + 0.25).sqrt(),
@@ -145,7 +145,7 @@ fn a_shape_that_is_not_there_is_told() {
         errors.contains("did you mean `egg`? (there are: cube, ell, cut, egg, a barrel)"),
         "{errors}"
     );
-    // Without a folder nothing is written.
+    // Without an output folder nothing is written.
     let told = shape(folder.path(), "egg", &[]);
     assert!(told.status.success() && told.stdout.starts_with(b"shape             egg\n"));
     assert_eq!(folder.path().read_dir().unwrap().count(), 2);

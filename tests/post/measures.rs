@@ -1,4 +1,4 @@
-//! Fields, mixing, slopes and flows against what they must be.
+//! Fields, mixing, slopes and flows against known values.
 
 use super::{arrays, close, close_matrix};
 use crate::support::packings::{Snapshot, header, particles_at, push, push_force, store};
@@ -29,7 +29,7 @@ fn stored(snapshot: &Snapshot) -> (TempDir, Reader) {
     (folder, reader)
 }
 
-/// Balls at these places in a box, without contacts.
+/// Balls at these positions in a box, without contacts.
 fn balls(high: Vec3, periodic: bool, position: Vec<Vec3>) -> Snapshot {
     let semi_axes = Vec3::repeat(0.5 * DIAMETER);
     let mut header = header(Vec3::zeros(), high, periodic, semi_axes, position.len());
@@ -38,7 +38,7 @@ fn balls(high: Vec3, periodic: bool, position: Vec<Vec3>) -> Snapshot {
     Snapshot { header, particles: particles_at(position), contacts: ContactTable::default() }
 }
 
-/// Balls in disorder in a periodic box, with forces between those that are near, across the faces, too.
+/// Disordered balls in a periodic box, with forces between near balls, across the faces, too.
 fn crowd() -> Snapshot {
     let mut dice = Random::of(5, 0);
     let high = Vec3::new(0.020, 0.016, 0.018);
@@ -82,7 +82,7 @@ fn fields_add_up_to_the_sums_over_all_grains() {
             fields.density.iter().zip(&fields.velocity).map(|(rho, v)| v * *rho * cell).sum();
         let expected: Vec3 = particles.velocity.iter().map(|v| v * mass).sum();
         assert!((momentum - expected).norm() < 1e-13 * 300.0 * mass, "{momentum} {expected}");
-        // The global stress, that of the report.
+        // Mean stress, which the report has, too.
         let sum: Mat3 = fields.contact_stress.iter().sum();
         let mean = sum / fields.grid.len() as f64;
         close_matrix(
@@ -91,7 +91,7 @@ fn fields_add_up_to_the_sums_over_all_grains() {
             1e-12,
             "stress",
         );
-        // Motion against the mean and motion of the mean are the whole.
+        // Fluctuations and mean motion add up to the whole.
         let kinetic: Mat3 = fields.kinetic_stress.iter().sum::<Mat3>() * cell;
         let of_mean: Mat3 = fields
             .density
@@ -110,8 +110,8 @@ fn fields_add_up_to_the_sums_over_all_grains() {
     }
 }
 
-/// Sums over the cells of each column, in the table and in the image: those of three grains and of the force of one contact. Of motion
-/// they are with the motion of the mean, `Σ (κ + ρ v v) V = Σ m v v`.
+/// Sums over the cells of each column, in the table and in the image, for three particles and the force of one contact. The kinetic stress κ
+/// and the mean motion add up to `Σ (κ + ρ v v) V = Σ m v v`.
 #[test]
 fn columns_of_fields_hold_what_their_names_say() {
     let places = [[4.0, 7.0, 11.0], [5.5, 7.5, 10.2], [5.0, 6.4, 12.0]];
@@ -179,7 +179,7 @@ fn columns_of_fields_hold_what_their_names_say() {
     assert!(moving > 1e-3 * force.dot(&branch), "{moving}");
 }
 
-/// Without periods the grid reaches as far as the weights; a region shows a part of the same field.
+/// Without periods the grid reaches as far as the weights. A region shows a part of the same field.
 #[test]
 fn a_grain_is_spread_as_lucy_s_polynomial() {
     let (mass, width) = (1e-5, 1e-3);
@@ -200,8 +200,8 @@ fn a_grain_is_spread_as_lucy_s_polynomial() {
     close(part.mass() / mass, 0.5, 1e-12, "half");
 }
 
-/// A force of 1 N along a branch that is much longer than the weight: there are no holes along it. In the middle of it the stress is
-/// `f ∫ φ dx` over the weight's range h, with Lucy's `φ = 105 / (16 π h³) (1 + 3q) (1 - q)³` twice `h (1/4 + 3/20)` of that.
+/// A force of 1 N along a branch much longer than the weight leaves no holes along it. In its middle the stress is `f ∫ φ dx` over the
+/// weight's range h. With Lucy's `φ = 105 / (16 π h³) (1 + 3q) (1 - q)³` the integral is `2 h (1/4 + 3/20)` times the prefactor.
 #[test]
 fn a_long_branch_has_no_holes() {
     let (width, length): (f64, f64) = (0.5e-3, 6e-3);
@@ -211,7 +211,7 @@ fn a_long_branch_has_no_holes() {
     push(&mut two.contacts, (0, GlobalId(1)), middle - half, half * 2.0, half);
     push_force(&mut two.contacts, Vec3::x(), 1e-6, 1.0, Vec3::zeros());
     let (_folder, reader) = stored(&two);
-    // Cells of a tenth of the width, their middles on the branch.
+    // Cells have a tenth of the width and their centres on the branch.
     let side = 0.1 * width;
     let exact = 0.8 * 105.0 / (16.0 * PI * (2.0 * width).powi(2));
     for part in -10..=10 {
@@ -222,7 +222,7 @@ fn a_long_branch_has_no_holes() {
         let fields = Fields::of(&reader, Region::Box(bounds), how).unwrap();
         assert_eq!(fields.grid.len(), 1);
         close(fields.contact_stress[0].m11 / exact, 1.0, 5e-4, "stress");
-        // No grain is near: the cell has a row for its stress.
+        // No particle is near, but the cell has a row for its stress.
         assert_eq!(fields.density, [0.0]);
         let mut table = Vec::new();
         fields.write_csv(&mut table).unwrap();
@@ -234,7 +234,7 @@ fn a_long_branch_has_no_holes() {
     assert!(matches!(nobody, Err(MeasureError::NobodyThere)));
 }
 
-/// Whole cells in a box are no larger than what was asked for, so that they resolve the weight.
+/// A box has whole cells of at most the requested size, so that they resolve the weight.
 #[test]
 fn cells_of_fields_are_as_large_as_asked_at_most() {
     let one = balls(Vec3::repeat(0.02), false, vec![Vec3::repeat(0.01)]);
@@ -247,7 +247,7 @@ fn cells_of_fields_are_as_large_as_asked_at_most() {
     assert!(fields.grid.sides.max() <= how.side * (1.0 + 1e-8));
 }
 
-/// Images of a sheared cell carry its flow: balls that move with it have next to no motion against the mean.
+/// Images in a sheared cell move with the flow: balls that follow it have almost no fluctuations.
 #[test]
 fn a_sheared_cell_is_smooth_across_its_faces() {
     let mut snapshot = crowd();
@@ -255,7 +255,7 @@ fn a_sheared_cell_is_smooth_across_its_faces() {
     let mut cell = snapshot.header.cell.with_shear(shear).unwrap();
     (0..7).for_each(|_| cell.advance(1e-3));
     snapshot.header.cell = cell;
-    // Branches that reach across the faces add up, too.
+    // Branches across the faces add up, too.
     let branches = &snapshot.contacts;
     let moments = (0..branches.a.len()).map(|k| branches.force(k) * branches.branch[k].transpose());
     let moment: Mat3 = moments.sum();
@@ -276,13 +276,13 @@ fn a_sheared_cell_is_smooth_across_its_faces() {
     for (number, velocity) in fields.velocity.iter().enumerate() {
         if fields.density[number] > 0.0 {
             let expected = cell.flow_at(&fields.grid.centre(number));
-            // A weight reaches one diameter.
+            // The range of the weight is one diameter.
             assert!((velocity - expected).norm() < 30.0 * DIAMETER, "{velocity} {expected}");
         }
     }
 }
 
-/// What the motion against `V` has of a shear without fluctuations, as the guide says.
+/// Share of a uniform shear in the kinetic stress, without fluctuations; the values are those of the guide.
 #[test]
 fn motion_holds_the_shear_across_a_weight() {
     let places = (0..12 * 12 * 12)
@@ -315,7 +315,7 @@ fn mixing_is_nothing_apart_and_one_at_random() {
     assert_eq!((apart.cells, apart.grains), (3, 21));
     close(apart.index.unwrap(), 0.0, 1e-15, "apart");
     close(apart.variance_apart, 16.0 / 21.0 * 5.0 / 21.0, 1e-15, "apart");
-    // Shuffled among 60 cells of unequal numbers: the mean of many is 1.
+    // Shuffled among 60 cells of unequal numbers: the mean over many trials is 1.
     let mut dice = Random::of(3, 1);
     let (mut sum, tries) = (0.0, 400);
     for _ in 0..tries {
@@ -338,7 +338,7 @@ fn mixing_is_nothing_apart_and_one_at_random() {
     assert!(matches!(one, Err(MeasureError::OneGroup { grains: 5 })));
 }
 
-/// By place in the first snapshot, by shape, in a box that is periodic or not.
+/// Groups by position in the first snapshot and by shape, in periodic boxes and others.
 #[test]
 fn groups_stay_what_they_were() {
     let places: Vec<Vec3> = (0..64)
@@ -352,7 +352,7 @@ fn groups_stay_what_they_were() {
         Mixing::of(reader, members, Region::Whole, 2.0 * DIAMETER).unwrap().index.unwrap()
     };
     assert!(index(&start, &members).abs() < 1e-15);
-    // Every other layer along y comes to the other side: each cell has four of both.
+    // Every other layer along y moves to the other side, so each cell has four of both.
     let mut later = first.clone();
     for (place, was) in later.particles.position.iter_mut().zip(&places) {
         if (was.y / DIAMETER) as u32 % 2 == 1 {
@@ -361,7 +361,7 @@ fn groups_stay_what_they_were() {
     }
     let (_later, end) = stored(&later);
     close(index(&end, &members), 1.0 / (1.0 - 7.0 / 63.0), 1e-12, "even");
-    // The same as shapes.
+    // Identical groups by shape.
     later.header.shapes.push(later.header.shapes[0].clone());
     later.header.shapes[1].name = "red".into();
     for (shape, was) in later.particles.shape.iter_mut().zip(&places) {
@@ -372,7 +372,7 @@ fn groups_stay_what_they_were() {
     close(index(&end, &red), 1.0 / (1.0 - 7.0 / 63.0), 1e-12, "by shape");
     let unknown = Members::of(&Groups::Shape("blue".into()), &end).unwrap_err().to_string();
     assert!(unknown.contains("no shape `blue`; it has: grain, red"), "{unknown}");
-    // A series begins with grains of one group.
+    // The series begins with particles of one group.
     let mut begin = later.clone();
     begin.particles.shape.fill(ShapeId(0));
     later.header.step = begin.header.step + 1;
@@ -393,7 +393,7 @@ fn groups_stay_what_they_were() {
     assert!(made.contains("Lacey's index 1.125"), "{made}");
 }
 
-/// Groups that nobody has mixed have the index 0, wherever the plane between them is, and cells of the usual size.
+/// Unmixed groups have the index 0 for any position of the plane between them, with cells of the usual size.
 #[test]
 fn what_is_apart_has_the_index_zero() {
     const SEED: u64 = 5;
@@ -401,7 +401,7 @@ fn what_is_apart_has_the_index_zero() {
     let size = Vec3::new(13.3, 7.1, 9.7) * DIAMETER;
     let scattered: Vec<Vec3> =
         (0..800).map(|_| Vec3::from_fn(|k, _| size[k] * random.unit())).collect();
-    // Of five layers the middle one is of one group.
+    // With five layers, the middle one belongs to one group.
     let layers: Vec<Vec3> = (0..125)
         .map(|k| Vec3::new(f64::from(k % 5), f64::from(k / 5 % 5), f64::from(k / 25)))
         .map(|place| place.add_scalar(0.5) * DIAMETER)
@@ -434,7 +434,7 @@ fn what_is_apart_has_the_index_zero() {
     }
 }
 
-/// Cells are the same in all snapshots: as large as the grains of the first say, and where the domain has them.
+/// Cells are identical in all snapshots: their size follows the particles of the first, and their position the domain.
 #[test]
 fn cells_of_mixing_stay_where_they_are() {
     let places: Vec<Vec3> = (0..64)
@@ -471,7 +471,7 @@ fn cells_of_mixing_stay_where_they_are() {
     assert_eq!(cells, ["cells", "8", "8"]);
 }
 
-/// Grains that come after the first snapshot are of no half, and that is said.
+/// Particles that enter after the first snapshot belong to neither half, and the result reports them.
 #[test]
 fn mixing_says_who_is_left_out() {
     let places: Vec<Vec3> = (0..64)
@@ -496,7 +496,7 @@ fn mixing_says_who_is_left_out() {
     assert_eq!(last, ["left_out", "0", "24"]);
 }
 
-/// Of grains of many sizes a diameter is that of the ball of their mean volume.
+/// For particles of many sizes, the diameter is that of a ball of their mean volume.
 #[test]
 fn a_diameter_is_that_of_the_grains() {
     let mut sized = balls(Vec3::repeat(0.02), false, vec![Vec3::repeat(0.01); 3]);
@@ -539,7 +539,7 @@ fn the_slope_of_a_cone_is_found() {
         let slope = Slope::of(&reader, Region::Whole, Direction::Y).unwrap();
         assert!((slope.angle_degrees - degrees).abs() < 0.7, "{degrees}: {slope:?}");
     }
-    // A ball in the air beyond the foot is no part of the surface.
+    // A ball in the air beyond the foot does not belong to the surface.
     let cone = steep(25.0, &|x, y, tangent| (28e-3 - (x - 30.5e-3).hypot(y - 30.5e-3)) * tangent);
     let slope_with = |thrown: Option<Vec3>| {
         let places = cone.particles.position.iter().copied().chain(thrown).collect();
@@ -551,7 +551,7 @@ fn the_slope_of_a_cone_is_found() {
     let alone = slope_with(None);
     assert!((alone.angle_degrees - 25.0).abs() < 0.7, "{alone:?}");
     assert_eq!(slope_with(Some(Vec3::new(5e-3, 5e-3, 0.06))), alone);
-    // A series begins flat.
+    // The series begins with a flat surface.
     let folder = tempfile::tempdir().unwrap();
     let flat = balls(Vec3::repeat(0.07), false, vec![Vec3::repeat(0.01)]);
     let mut heap =
@@ -577,8 +577,8 @@ fn the_slope_of_a_cone_is_found() {
     assert!(refused.to_string().contains("along -z"), "{refused}");
 }
 
-/// Strips of two columns, which stand as much above the line as below. The line is that of the strips between 20 and 80 % of the height; the
-/// others are off it.
+/// Strips of two columns, one above the line and one below by the same height. Strips between 20 and 80 % of the height lie along the line,
+/// the others do not.
 #[test]
 fn a_slope_is_fitted_between_foot_and_top() {
     let (height, off) = (0.02, 1e-4);
@@ -596,7 +596,7 @@ fn a_slope_is_fitted_between_foot_and_top() {
     close(slope.scatter_m / off, 1.0, 1e-9, "scatter");
 }
 
-/// Balls fall in a row, one every 2 ms, and are taken away below: what passes is known.
+/// Balls fall in a row at 3 per ms and are removed below, so the flow is known.
 #[test]
 fn flow_is_counted_through_a_plane() {
     let folder = tempfile::tempdir().unwrap();
@@ -619,7 +619,7 @@ fn flow_is_counted_through_a_plane() {
     }
     let plane = Plane { axis: 2, at: 0.01, up: false };
     let through = through_plane(readers.into_iter(), plane).unwrap();
-    // Those that an outlet took were behind the plane.
+    // Balls removed by the outlet were behind the plane.
     assert_eq!((through.new_behind, through.gone_before), (0, 0));
     let rows = through.rows;
     assert_eq!(
@@ -631,7 +631,7 @@ fn flow_is_counted_through_a_plane() {
     close(rate.grains, 3000.0, 1e-9, "rate");
     close(rate.mass, 0.03, 1e-9, "mass rate");
     let row = |time_s: f64, mass_kg: f64| Passed { time_s, grains: 0.0, mass_kg };
-    // The halves of an unsteady flow have all of its time: their mean is the whole.
+    // The halves of an unsteady flow cover all of its time, so their mean is the whole.
     let unsteady: Vec<_> = [0.0, 1.0, 3.0, 9.0, 12.0]
         .into_iter()
         .zip(0..)
@@ -644,7 +644,7 @@ fn flow_is_counted_through_a_plane() {
     );
 }
 
-/// Where grains that were not there before came from is not known: those that are behind the plane are told.
+/// The origin of new particles is unknown, so new ones behind the plane are reported.
 #[test]
 fn grains_first_seen_behind_a_plane_are_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -677,7 +677,7 @@ fn grains_first_seen_behind_a_plane_are_told() {
     assert!(said.contains("when last seen, and are counted: 1\n"), "{said}");
 }
 
-/// What the program says of measures that it cannot make, and what it writes of those that it can.
+/// Errors of the program for impossible measures, and its output for the others.
 #[test]
 fn the_program_makes_measures_and_refuses_what_is_none() {
     let folder = tempfile::tempdir().unwrap();
@@ -711,7 +711,7 @@ fn the_program_makes_measures_and_refuses_what_is_none() {
         assert_eq!(status, Some(2), "{arguments:?}: {message}");
         assert!(message.contains(says), "{arguments:?}: {message}");
     }
-    // One that cannot be made leaves the others alone.
+    // An impossible measure does not affect the others.
     let out = folder.path().join("post");
     let _ = std::fs::remove_dir_all(&out);
     let (status, said, message) = run(&["--mixing", "half:x", "--flow", "-z=0.01", "--slope", "x"]);

@@ -1,4 +1,4 @@
-//! What is computed from a snapshot, against closed forms and the independent reference.
+//! Results computed from a snapshot, against closed forms and the independent reference.
 
 mod drawings;
 mod fabric;
@@ -19,7 +19,8 @@ use dem_mpi::math::Mat3;
 use dem_mpi::post::region::{Members, Region};
 use serde_json::Value;
 
-/// Sums are exact; what is left is the rounding of each term and of the reference.
+/// Relative tolerance: sums are exact, so only the rounding of each term and of the reference
+/// remains.
 const ROUNDING: f64 = 1e-12;
 
 fn close(value: f64, expected: f64, tolerance: f64, what: &str) {
@@ -32,14 +33,14 @@ fn close_matrix(value: &Mat3, expected: &Mat3, tolerance: f64, what: &str) {
     assert!((value - expected).amax() <= tolerance * scale, "{what}: {value} but {expected}");
 }
 
-/// The arrays of a file in VTK's XML by name: numbers of one type.
+/// Access to the arrays of a VTK XML file by name; all have numbers of one type.
 fn arrays<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(file: &[u8]) -> impl Fn(&str) -> Vec<T> {
     let text = String::from_utf8(file.to_vec()).unwrap();
     move |name: &str| {
         let (_, array) = text.split_once(&format!("Name=\"{name}\"")).unwrap();
         let (_, numbers) = array.split_once('>').unwrap();
         let bytes = STANDARD.decode(numbers.split('<').next().unwrap()).unwrap();
-        // The length stands in front.
+        // The array begins with its length.
         bytemuck::pod_collect_to_vec(&bytes[8..])
     }
 }

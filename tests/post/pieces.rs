@@ -1,4 +1,4 @@
-//! Tables in pieces, damaged tables, and what is counted.
+//! Tables in pieces, damaged tables, and counts.
 
 use super::fabric::contacts_with;
 use super::{ROUNDING, close};
@@ -13,7 +13,7 @@ use dem_mpi::post::forces::Histogram;
 use dem_mpi::post::region::{Bounds, Region};
 use dem_mpi::post::{ParticlePass, Report, Settings, plots};
 
-/// Some rows of a table, in this order.
+/// Rows of a table, in the given order.
 pub(super) fn some_particles(table: &ParticleTable, rows: &[usize]) -> ParticleTable {
     fn pick<T: Copy>(column: &[T], rows: &[usize]) -> Vec<T> {
         rows.iter().filter_map(|&r| column.get(r).copied()).collect()
@@ -65,7 +65,7 @@ fn pieces_in_any_order_give_the_same_digits_as_the_whole() {
     for region in [Region::Whole, box_of] {
         let settings = Settings { region, among: Among::ParticlesAndWalls };
         let whole = snapshot.analyse(settings).unwrap();
-        // As four ranks might have written them.
+        // Pieces in the order of four ranks.
         let order = |rows: usize| {
             (0..4).map(move |rank| (0..rows).rev().filter(|r| r % 4 == rank).collect::<Vec<_>>())
         };
@@ -90,7 +90,7 @@ fn pieces_in_any_order_give_the_same_digits_as_the_whole() {
 
 #[test]
 fn mechanical_coordination_leaves_out_rattlers() {
-    // A triangle 0-1-2, a hanger-on 3 at 0, a loner 4 on the floor.
+    // A triangle 0-1-2, particle 3 with one contact at 0, and particle 4 alone on the floor.
     let centres: Vec<Vec3> = (0..5).map(|i| Vec3::x() * f64::from(i)).collect();
     let header = header(Vec3::zeros(), Vec3::repeat(5.0), false, Vec3::repeat(0.5), 5);
     let mut contacts = ContactTable::default();
@@ -128,7 +128,7 @@ fn forces_are_counted_over_their_mean() {
     close(forces.mean_friction_used.unwrap(), 0.125, ROUNDING, "friction used");
     let area: f64 = forces.normal.density().map(|(_, d)| d * 0.1).sum();
     close(area, 1.0, ROUNDING, "area under the density");
-    // Ten bins in a decade, drawn at their middles on a logarithmic axis.
+    // Ten bins per decade, drawn at their middles on a logarithmic axis.
     let shown = ("normal", BLUE, &forces.normal_logarithmic);
     let (_, drawn) = plots::shares_per_decade(&[shown], Mark::Dots);
     let area: f64 = drawn[0].points.iter().map(|(_, share)| share * 0.1).sum();
@@ -140,7 +140,7 @@ fn forces_are_counted_over_their_mean() {
     assert_eq!(forces.shear_logarithmic.halves_below, 6, "three contacts without shear");
 }
 
-/// Where contacts pull in the mean, their forces over the mean say nothing.
+/// With attraction on average, forces over the mean are meaningless and left out.
 #[test]
 fn forces_that_pull_have_no_shares_of_their_mean() {
     let normals = [Vec3::x(), Vec3::y(), Vec3::z()];

@@ -41,7 +41,7 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     drawings
 }
 
-/// Steps from tick to tick leave some 1e-17 where 0 should be.
+/// Sums of steps between ticks give about 1e-17 in place of 0, but the label is 0.
 #[test]
 fn zero_is_labelled_zero() {
     for reach in [0.3, 0.6, 7e-4, 1.1, 3.3e3, 6e-6, 0.12] {
@@ -89,7 +89,7 @@ fn plots_are_finite_for_empty_tiny_and_usual_snapshots() {
                 for bad in ["NaN", "nan\"", "inf\"", "Infinity", "-inf"] {
                     assert!(!svg.contains(bad), "{name}: {plot} holds {bad}");
                 }
-                // plotters would saturate a coordinate that is not finite.
+                // The library plotters would saturate a coordinate that is not finite.
                 assert!(
                     !svg.contains("2147483647") && !svg.contains("-2147483648"),
                     "{name}: {plot}"
@@ -133,7 +133,7 @@ fn columns_that_belong_together_share_a_panel() {
     assert!(plots[2].svg.contains(">\n5\n<"), "{}", plots[2].svg);
 }
 
-/// A wall that turns, or one of several planes, has no load along its normal; torques and powers have their units.
+/// A rotating wall, or one of several planes, has no load along its normal. Torques and powers have their units.
 #[test]
 fn walls_that_turn_have_no_load() {
     let row = |name: &str, body| WallRow {
@@ -211,7 +211,7 @@ fn targets_of_servos_are_drawn() {
     assert_eq!(plots[0].name, "history_wall_stresses");
     assert_eq!(plots[0].svg.matches("target 750 Pa").count(), 1);
     assert!(plots[0].svg.contains("lid") && !plots[0].svg.contains("target 5000 Pa"));
-    // Three curves, and one line that is level.
+    // Three curves and one level line.
     let polylines = plots[0].svg.split("<polyline").skip(1);
     let points = polylines.filter_map(|text| {
         let (_, points) = text.split_once("points=\"")?;
@@ -238,7 +238,7 @@ fn captions_tell_what_is_beyond_a_plot() {
     };
     let mut forces = vec![(1.0, Vec3::zeros()); 21];
     assert!(captions(&forces).iter().all(|caption| !caption.contains("eyond")));
-    // One of 21 twenty times as strong as the mean; one that uses more friction than fits.
+    // One force of 21 is twenty times the mean, and one contact uses more friction than its limit.
     forces[3].0 = 400.0;
     forces[7].1 = Vec3::z() * 1.5;
     let [distribution, friction] = captions(&forces);
@@ -265,7 +265,7 @@ fn view(name: &str, length: f64, change: impl FnOnce(&mut Snapshot)) -> String {
     plots.into_iter().find(|plot| plot.name == name).expect("it is drawn").svg
 }
 
-/// The numbers of each path of a drawing, and the rest of its line.
+/// Numbers of each path of a drawing, and the rest of its line.
 fn paths(svg: &str) -> Vec<(Vec<f64>, &str)> {
     let paths = svg.lines().filter_map(|line| line.strip_prefix("<path d=\"")?.split_once('"'));
     let numbers = |path: &str| {
@@ -275,20 +275,20 @@ fn paths(svg: &str) -> Vec<(Vec<f64>, &str)> {
     paths.map(|(path, rest)| (numbers(path), rest)).collect()
 }
 
-/// Where a point of the side view is drawn: 14 pixels from the left and the top, 420 pixels long.
+/// Pixel position of a point in the side view: 14 pixels from the left and the top, 420 pixels long.
 fn drawn_at(length: f64, x: f64, z: f64) -> [f64; 2] {
     [x, 2.0 - z].map(|metres| 14.0 + 420.0 / length * metres)
 }
 
-/// Pixels are written with one digit behind the point.
+/// Checks pixels, which have one decimal digit.
 fn close_pixels(found: &[f64], expected: [[f64; 2]; 2]) {
     for (found, expected) in found.iter().zip(expected.as_flattened()) {
         assert!((found - expected).abs() < 0.051, "{found} {expected}");
     }
 }
 
-/// Arrows about the middles of cells of 1 m: the fastest in the plane of the view is as long as a cell. The ball of eight times the mass counts
-/// eight times.
+/// Arrows about the middles of cells of 1 m: the fastest in the plane of the view has the length of a cell. A ball of eight times the mass has
+/// eight times the weight.
 #[test]
 fn arrows_show_velocities_in_the_plane_of_the_view() {
     let svg = view("velocity_field", 8.0, |snapshot| {
@@ -305,7 +305,8 @@ fn arrows_show_velocities_in_the_plane_of_the_view() {
     assert!(svg.contains("longest arrow: 5.000 m/s"), "{svg}");
 }
 
-/// Normal forces of 1 to 100 N: the third largest is the widest, a quarter of a grain within limits; above the mean, 50.5 N, they are blue.
+/// Normal forces of 1 to 100 N: the third largest has the greatest width, a quarter of a particle within limits. Lines above the mean, 50.5 N,
+/// are blue.
 #[test]
 fn chains_are_as_wide_as_normal_forces_are_large() {
     for (length, widest) in [(8.0, 6.0), (20.0, 5.25), (100.0, 1.5)] {
@@ -327,7 +328,7 @@ fn chains_are_as_wide_as_normal_forces_are_large() {
             let words: Vec<&str> = style.split('"').collect();
             let (width, found) = (widest * (force / 98.0).min(1.0), words[3].parse::<f64>());
             assert_eq!((words[1], words[2]), (colour, " stroke-width="), "{force} N");
-            // Written with two digits behind the point.
+            // Widths have two decimal digits.
             let off = found.unwrap() - width.max(0.3);
             assert!(off.abs() < 0.0051, "{force} N: {style}, {width}");
         }
@@ -335,12 +336,12 @@ fn chains_are_as_wide_as_normal_forces_are_large() {
     }
 }
 
-/// Nothing is lost between the layers of a profile: their means are the density and the stress of the whole packing.
+/// The layers of a profile are complete: their means are the density and the stress of the whole packing.
 #[test]
 fn the_layers_of_a_profile_make_up_the_packing() {
     for seed in [8, 9] {
         let mut snapshot = ellipsoids(5, seed);
-        // So low that no body reaches through the floor.
+        // Deep enough that no particle reaches through the floor.
         let Header { cell, walls, .. } = &mut snapshot.header;
         let deeper = Vec3::z() * 2e-3;
         *cell = Cell::new(cell.corners().0 - deeper, cell.corners().1, [false; 3]);
@@ -364,7 +365,7 @@ fn the_layers_of_a_profile_make_up_the_packing() {
     }
 }
 
-/// Of a region that is cut upright through contacts, too, at either side.
+/// Layers of a region whose upright faces cut through contacts, on either side.
 #[test]
 fn the_layers_of_a_region_have_its_stress() {
     let snapshot = ellipsoids(5, 8);
@@ -383,7 +384,7 @@ fn the_layers_of_a_region_have_its_stress() {
     }
 }
 
-/// A ball of radius 1 across layers: each has the segment of the ball that is in it.
+/// A ball of radius 1 across layers: each layer has its segment of the ball.
 #[test]
 fn a_layer_has_the_segment_of_a_ball() {
     let (low, high) = (Vec3::zeros(), Vec3::repeat(4.0));
@@ -405,7 +406,7 @@ fn a_layer_has_the_segment_of_a_ball() {
     }
 }
 
-/// Of a box that is lower than the domain: what a period brings back counts, what lies above weighs.
+/// Layers of a box that is lower than the domain: periodic images count, and the weight above the box counts.
 #[test]
 fn layers_of_a_part_know_the_period_and_what_lies_above() {
     let high = Vec3::repeat(4.0);
@@ -424,7 +425,7 @@ fn layers_of_a_part_know_the_period_and_what_lies_above() {
         let layers = views(&snapshot, &part).profile.layers();
         let volume = layers.iter().map(|layer| 8.0 * layer.solid_fraction).sum::<f64>();
         assert!((volume - inside).abs() < 1e-12, "{periodic} {z}: {volume} {inside}");
-        // In a bed the topmost layer bears the cap above it and half of itself.
+        // In a bed the topmost layer carries the cap above it and half of itself.
         let weight = |volume: f64| snapshot.header.shapes[0].mass * volume / cap(2.0) * 10.0 / 16.0;
         let top = layers.last().unwrap();
         let above = if periodic { 0.0 } else { weight(cap(0.5)) };

@@ -174,7 +174,7 @@ fn the_table_has_one_row_per_snapshot_and_names_units() {
     for key in ["time_s", "p_pa", "q_over_p", "height_m", "mean_normal_force_n", "a_c"] {
         assert!(lines[0].split(',').any(|k| k == key), "{key}");
     }
-    // As many digits as give the same bits back.
+    // The number has enough digits to give back its bits.
     let text = serde_json::to_string(&report).unwrap();
     let p = text.split("\"p_pa\":").nth(1).and_then(|t| t.split(',').next()).unwrap();
     assert_eq!(p.parse::<f64>().ok(), report.summary.p_pa);
@@ -217,7 +217,7 @@ fn ended(command: &mut Command) -> (Option<i32>, String) {
 
 type Change<'a> = &'a dyn Fn(&mut Header);
 
-/// Each of these rows could stand beside the others without a word: strains and rates against another run's packing.
+/// Snapshots of different runs are no series: strains and rates would refer to another run's packing.
 #[test]
 fn snapshots_of_different_runs_are_no_series() {
     let run = ellipsoids(2, 7);
@@ -256,7 +256,7 @@ fn snapshots_of_different_runs_are_no_series() {
     }
 }
 
-/// What is doubtful stands in the terminal, in the page and in the numbers.
+/// Warnings appear in the terminal, on the page and in the report.
 #[test]
 fn the_program_tells_what_is_doubtful() {
     let folder = tempfile::tempdir().unwrap();
@@ -322,7 +322,7 @@ fn a_series_may_be_longer_than_a_process_may_open_files() {
     assert_eq!(dumps.count(), 30);
 }
 
-/// One list that a viewer opens in one go: surfaces of grains, walls and contacts of each snapshot at its time.
+/// One list for a viewer: surfaces of particles, walls and contacts of each snapshot with its time.
 #[test]
 fn surfaces_of_a_series_stand_in_one_list() {
     let folder = tempfile::tempdir().unwrap();
@@ -356,7 +356,7 @@ fn surfaces_of_a_series_stand_in_one_list() {
         }
     }
     assert_eq!(rows("all.pvd"), expected);
-    // Each has its own list, too.
+    // Each kind has its own list, too.
     for (part, list) in ["grains.pvd", "walls.pvd", "contacts.pvd"].iter().enumerate() {
         let of_part = expected.iter().filter(|row| row.1 == part.to_string());
         let own: Vec<_> =

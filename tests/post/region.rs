@@ -40,7 +40,7 @@ fn extents_of_turned_ellipsoids_are_exact() {
     ] {
         close(value, expected, ROUNDING, "side");
     }
-    // A wall across an axis ends the box, the innermost counts; a period goes before both.
+    // The innermost wall across an axis bounds the box; a period takes precedence over walls.
     for (z, up) in [(3.5, 1.0), (3.0, 1.0), (6.5, -1.0)] {
         header.walls.push(WallRow {
             name: format!("wall at {z}"),
@@ -51,7 +51,7 @@ fn extents_of_turned_ellipsoids_are_exact() {
             body: None,
         });
     }
-    // One of several planes ends nothing.
+    // A wall of several planes bounds nothing.
     let planes = [(Vec3::z() * 3.9, Vec3::z()), (Vec3::x() * 2.0, Vec3::x())];
     let drum = Wall::of_planes("drum".to_owned(), Vec3::zeros(), &planes);
     let (point, normal) = drum.surface();
@@ -66,7 +66,7 @@ fn extents_of_turned_ellipsoids_are_exact() {
     assert_eq!(Extent::default().finish(&Header { walls: Vec::new(), ..header }), None);
 }
 
-/// One of each kind, about 1 m in size.
+/// One body of each kind, about 1 m in size.
 fn bodies() -> Vec<Shape> {
     let (long, short) = (Vec3::new(1.0, 0.7, 0.5), Vec3::new(0.6, 0.8, 0.9));
     let mut dice = Random::of(11, 0);
@@ -87,7 +87,7 @@ fn bodies() -> Vec<Shape> {
     bodies
 }
 
-/// The corners of a box about the origin.
+/// Corners of a box about the origin.
 fn box_of(half: &Vec3) -> Vec<Vec3> {
     let sign = |set: bool| if set { 1.0 } else { -1.0 };
     let corner = |k: u32| Vec3::new(sign(k & 1 > 0), sign(k & 2 > 0), sign(k & 4 > 0));
@@ -101,8 +101,8 @@ fn snapshot_of(shape: &Shape, quaternion: [f64; 4], side: f64) -> (Header, Parti
     (header, ParticleTable { quaternion: vec![quaternion], ..particles })
 }
 
-/// The surface of a body as `--surfaces` writes it: polygons that run counter-clockwise seen from outside and enclose the body's volume but for
-/// what triangles cut off, normals that point outwards, all points where the turned body ends along them.
+/// The surface of a body from `--surfaces`. Its polygons are counter-clockwise from outside and enclose the body's volume except for the parts
+/// that triangles cut off. Normals point outwards, and all points are the support points along their normals.
 #[test]
 fn surfaces_face_outwards_and_lie_on_the_body() {
     let mut dice = Random::of(13, 0);
@@ -125,7 +125,7 @@ fn surfaces_face_outwards_and_lie_on_the_body() {
         let (points, normals) = (vectors("Points"), vectors("Normals"));
         for (point, normal) in points.iter().zip(&normals) {
             let end = centre + turn * body.support(&(turn.inverse() * normal));
-            // In single precision; a face ends in all of its points.
+            // Single precision; a face ends in all of its points.
             let off = (point - end).dot(normal).abs();
             assert!(off < 1e-5, "{off:e} m: {body:?}");
         }
@@ -140,7 +140,7 @@ fn surfaces_face_outwards_and_lie_on_the_body() {
                 let corners = [polygon[0], polygon[k], polygon[k + 1]];
                 let [a, b, c] = corners.map(|k| points[k] - centre);
                 let area = (b - a).cross(&(c - a));
-                // At sharp edges normals differ from those of polygons; inside out they would be opposite.
+                // At sharp edges normals differ from those of polygons; with reversed orientation they would be opposite.
                 let most = 0.5 * area.norm() + 1e-6;
                 assert!(corners.iter().all(|&k| normals[k].dot(&area) > -most), "{body:?}");
                 volume += a.dot(&area) / 6.0;
@@ -164,8 +164,7 @@ fn bodies_contain_what_is_below_their_surface() {
     }
 }
 
-/// The volume within a region against closed forms: of a whole body, and of the half of one that a plane through its
-/// centre cuts.
+/// Volume within a region against closed forms: a whole body, and the half of one that a plane through its centre cuts.
 #[test]
 fn volumes_of_bodies_in_a_region() {
     let mut dice = Random::of(13, 0);
@@ -195,7 +194,7 @@ fn volumes_of_bodies_in_a_region() {
     }
     assert_eq!(halves, 8);
     println!("largest relative error of a body's volume: {largest:.1e}");
-    // A box cut by planes across its edges: between them is the rest of one edge times the face.
+    // A box cut by a plane across its edges keeps the rest of one edge times the face.
     let half = Vec3::new(1.0, 0.5, 0.25);
     let body = Shape::Polyhedron(Box::new(Polyhedron::new(&box_of(&half)).unwrap()));
     let axis = (0..3).find(|&k| (body.half_lengths()[k] - 1.0).abs() < 1e-12).unwrap();
@@ -205,7 +204,7 @@ fn volumes_of_bodies_in_a_region() {
     let mut sampled = SampledSolid::new(bounds);
     sampled.add(&header, &particles);
     let error = sampled.finish() * bounds.volume() / (0.7 * 1.0 * 0.5) - 1.0;
-    // Up to half a cell at each of five faces.
+    // Errors of up to half a cell at each of five faces.
     let cells = bounds.lengths() / 256.0;
     let share = Vec3::from_fn(|k, _| {
         let faces = if k == axis { 0.5 } else { 1.0 };
@@ -225,15 +224,15 @@ fn extents_of_turned_solids_are_exact() {
     let found = extent.finish(&header).unwrap();
     let half = Vec3::new(2.0_f64.sqrt(), 1.0, 2.0_f64.sqrt());
     assert!((found.high - half).amax() < ROUNDING && (found.low + half).amax() < ROUNDING);
-    // And its silhouette is a square that stands on a corner.
+    // Its silhouette is a square that stands on a corner.
     let snapshot = Snapshot { header, particles, contacts: ContactTable::default() };
     let svg = snapshot.analyse(Settings::default()).unwrap().picture.svg(None);
     let path = r#"d="M732 372l-360 -360 -360 360 360 360z""#;
     assert!(svg.contains(path), "{svg}");
 }
 
-/// A cube seen from the front, turned about z, and with a corner to the front shows one, two and three faces, which cover
-/// its silhouette, which is exact to a hundredth.
+/// A cube seen from the front, rotated about z, and with a corner to the front shows one, two and three faces. They cover its silhouette, which
+/// is exact to a hundredth.
 #[test]
 fn faces_that_are_seen_cover_the_silhouette() {
     let body = Shape::Polyhedron(Box::new(Polyhedron::new(&box_of(&Vec3::repeat(1.0))).unwrap()));
@@ -264,12 +263,12 @@ fn area_of(path: &str) -> f64 {
     area.abs()
 }
 
-/// Each corner of a drawn silhouette is on it, and no part of it is farther out than a hundredth of the size.
+/// All corners of a drawn silhouette are inside the body's silhouette, which extends at most a hundredth of the size beyond them.
 #[test]
 fn silhouettes_are_those_of_the_bodies() {
     let mut dice = Random::of(14, 0);
     let frame = Bounds { low: Vec3::repeat(-2.0), high: Vec3::repeat(2.0) };
-    // Pixels per metre, and where the centre is.
+    // Pixels per metre, and pixel position of the centre.
     let (scale, middle) = (180.0, 372.0);
     let mut corners = 0;
     let mut drawn = 0;
@@ -300,7 +299,7 @@ fn silhouettes_are_those_of_the_bodies() {
             let (x, z) = (angle.cos(), angle.sin());
             let along = outline.iter().map(|[px, py]| (px - middle) * x - (py - middle) * z);
             let missing = scale * support(x, z) - along.fold(f64::NEG_INFINITY, f64::max);
-            // Corners are drawn to tenths of pixels.
+            // Corners are rounded to tenths of pixels.
             assert!((-0.1..least + 0.1).contains(&missing), "{missing} px of {least} {body:?}");
         }
         corners += outline.len();
@@ -312,12 +311,12 @@ fn silhouettes_are_those_of_the_bodies() {
 #[test]
 fn sampled_solid_fraction_of_a_periodic_lattice() {
     let (case, snapshot) = lattice_case("SC_periodic");
-    // The whole period, moved by nothing: images must be counted.
+    // The region is the whole period, so periodic images must count.
     let bounds =
         Bounds { low: snapshot.header.cell.corners().0, high: snapshot.header.cell.corners().1 };
     let mut sampled = SampledSolid::new(bounds);
     sampled.add(&snapshot.header, &snapshot.particles);
-    // Sampling error, and the lenses of overlap which the exact sum counts twice.
+    // The difference is the sampling error, and lenses of overlap that the exact sum counts twice.
     close(sampled.finish(), number(&case["solid_fraction"]), 5e-4, "solid fraction");
     let settings = Settings { region: Region::Box(bounds), ..Settings::default() };
     let report = snapshot.analyse(settings).unwrap().report;
@@ -335,7 +334,7 @@ fn strains_are_logarithmic_and_positive_in_compression() {
     assert!(strain.axial > 0.0 && strain.volumetric < 0.0, "shorter, and dilated");
 }
 
-/// Where no wall and no period ends a packing, a grain that is thrown up is no strain.
+/// Without a wall or a period at its end, a packing has no strain from a particle that is thrown up.
 #[test]
 fn an_open_packing_has_no_strain() {
     let both = |first: &Snapshot, now: &Snapshot| {
@@ -365,7 +364,7 @@ fn an_open_packing_has_no_strain() {
     assert_eq!(both(&open, &low).0, (false, false), "the first has no lid");
     assert_eq!(both(&high, &open).0, (false, false), "the second has none");
 
-    // Between a floor and a lid, first without sides, then with periods.
+    // A packing between a floor and a lid, first without sides, then with periods.
     let between = |mut snapshot: Snapshot, periodic: bool| {
         snapshot.header.walls.retain(|wall| wall.normal.z != 0.0);
         let cell = snapshot.header.cell;
@@ -379,7 +378,7 @@ fn an_open_packing_has_no_strain() {
     assert_eq!(plates(true).0, (true, true));
 }
 
-/// A wall of the header, with its triangles if it has some.
+/// Adds a wall to the header, with its triangles if it has some.
 fn add_wall(header: &mut Header, wall: &Wall) {
     let (point, normal) = wall.surface();
     let (velocity, force) = (Vec3::zeros(), Vec3::zeros());
@@ -394,7 +393,7 @@ fn pipe(from: Vec3, radius: f64) -> Wall {
     Wall::of_mesh("pipe".to_owned(), Vec3::zeros(), surface)
 }
 
-/// Whatever ends the box of the packing but periods and planes across axes is told.
+/// Boundaries of the packing's box other than periods and planes across axes give a warning.
 #[test]
 fn a_box_that_no_plane_ends_is_doubtful() {
     let doubts = |snapshot: &Snapshot| snapshot.report().doubts;
@@ -415,7 +414,7 @@ fn a_box_that_no_plane_ends_is_doubtful() {
     ball.header.walls.clear();
     assert_eq!(doubts(&ball), Vec::<String>::new());
 
-    // One grain in the air makes the box of an open packing higher.
+    // One particle in the air makes the box of an open packing higher.
     let open = ellipsoids(3, 9);
     let mut thrown = open.clone();
     thrown.particles.position[26].z += 0.01;
@@ -426,7 +425,7 @@ fn a_box_that_no_plane_ends_is_doubtful() {
         assert!(matches!(&told[..], [one] if one.contains("grain towards +z, be")), "{told:?}");
     }
 
-    // In a closed box walls that come into it are told, of a region those that come into that.
+    // In a closed box, walls that enter it are reported; for a region, walls that enter the region.
     let closed = boxed(0.02, 1);
     assert_eq!(doubts(&closed), Vec::<String>::new());
     let slope = |x: f64| {
@@ -484,7 +483,7 @@ fn a_margin_follows_the_walls_and_strains_stay_those_of_the_whole() {
         assert!((high - expected).amax() < 1e-15, "{high}");
         assert!(report.summary.particles < 125);
     }
-    // What the margin leaves nothing of is passed over, but not the last.
+    // A snapshot with nothing left inside the margin is left out, except the last.
     for (step, height) in [(0, 0.0019), (3, 0.0019)] {
         store(folder.path(), &boxed(height, step));
         let files = series::all(folder.path()).unwrap();
@@ -502,7 +501,7 @@ fn a_margin_follows_the_walls_and_strains_stay_those_of_the_whole() {
     let strain = reports[1].summary.axial_strain.unwrap();
     assert!((strain - (0.02_f64 / 0.018).ln()).abs() < 1e-12, "{strain}");
 
-    // A diameter is that of the ball of equal volume.
+    // The diameter is that of the ball of equal volume.
     let reader = Reader::open(&files[0]).unwrap();
     let region = inside(&reader, Margin::Diameters(0.5)).unwrap();
     let Region::Box(bounds) = region else { panic!("{region:?}") };

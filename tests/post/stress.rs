@@ -15,7 +15,8 @@ use dem_mpi::post::{Report, Settings};
 use serde_json::Value;
 use std::f64::consts::PI;
 
-/// Equal spheres on a lattice: `basis` in cells of these sides, three cells per side. `k` [N/m].
+/// Equal spheres on a lattice: `basis` in units of the cell's sides, three cells per side, contact stiffness `k`
+/// [N/m].
 fn lattice(basis: &[Vec3], cell: Vec3, radius: f64, k: f64, box_offset: Option<f64>) -> Snapshot {
     let mut position = Vec::new();
     let first = box_offset.unwrap_or(0.0);
@@ -38,7 +39,7 @@ fn lattice(basis: &[Vec3], cell: Vec3, radius: f64, k: f64, box_offset: Option<f
                 branch = branch.zip_map(&side, |x, period| x - period * (x / period).round());
             }
             let (distance, overlap) = (branch.norm(), 2.0 * radius - branch.norm());
-            // Contacts overlap by more than the rounding of the lattice.
+            // Overlaps below this are rounding of the lattice.
             if overlap > 1e-9 {
                 let pair = (a as u64, GlobalId(b as u64));
                 push(&mut contacts, pair, position[a], branch, branch * 0.5);
@@ -114,7 +115,7 @@ pub(super) fn lattice_case(name: &str) -> (Value, Snapshot) {
     (case, snapshot)
 }
 
-/// The overlap of a lattice is a small difference of large numbers.
+/// Tolerance of a lattice, whose overlap is a small difference of large numbers.
 fn lattice_tolerance(case: &Value) -> f64 {
     let overlap = case["inputs"]["overlap"].as_f64().unwrap_or(1e-4);
     ROUNDING * 1e-4 / overlap * 10.0
@@ -223,7 +224,7 @@ fn the_stress_of_regions_adds_up_to_the_whole() {
     let sum = |i: usize, b: &Bounds| parts[i].stress_pa.unwrap().tensor * b.volume();
     let total = sum(0, &left) + sum(1, &right);
     assert!((total - expected).amax() <= ROUNDING * expected.amax(), "{total} but {expected}");
-    // Counts too: half a contact on each side of the cut.
+    // Counts add up, too: half a contact on each side of the cut.
     let count = |f: &dyn Fn(&Report) -> f64| f(&parts[0]) + f(&parts[1]);
     assert_eq!(count(&|r| r.summary.particles as f64), whole.summary.particles as f64);
     assert_eq!(
@@ -237,7 +238,7 @@ fn the_stress_of_regions_adds_up_to_the_whole() {
 fn half_arms_add_up_to_branches() {
     let snapshot = ellipsoids(5, 3);
     let contacts = &snapshot.contacts;
-    // The definition, per particle: its force on the partner times the arm from its own centre.
+    // By definition, per particle: its force on the partner times the arm from its own centre.
     let mut by_particle = Mat3::zeros();
     for row in 0..contacts.a.len() {
         let force = contacts.force(row);
@@ -257,7 +258,7 @@ fn half_arms_add_up_to_branches() {
 fn walls_tell_stress_and_inertial_number() {
     let mut snapshot = boxed(0.02, 1);
     for wall in &mut snapshot.header.walls {
-        // Twice the load on the floor, as under weight.
+        // Twice the load on the floor, like under weight.
         let load = if wall.normal.z > 0.0 { 20.0 } else { 10.0 };
         wall.force = wall.normal * -load;
     }
@@ -287,7 +288,7 @@ fn walls_tell_stress_and_inertial_number() {
     snapshot.header.walls.extend([beyond, lid]);
     close(snapshot.report().summary.inertial_number, inertia);
 
-    // Another wall that has become the innermost has not slid, and walls at rest shear nothing.
+    // A new innermost wall has not slid, and walls at rest do not shear.
     let mut other = boxed(0.02, 1);
     let lid = other.header.walls.last().unwrap().clone();
     let inner =
@@ -297,7 +298,7 @@ fn walls_tell_stress_and_inertial_number() {
     now.strain_against(&boxed(0.02, 1).report());
     assert_eq!((now.summary.shear_strain, now.summary.inertial_number), (None, None));
 
-    // A wall that slides shears: so fast, and by so much of the distance.
+    // A sliding wall shears at its velocity and by its displacement over the distance.
     for axis in 0..3 {
         let mut sliding = boxed(0.02, 1);
         let along = Vec3::ith((axis + 1) % 3, 1.0);
@@ -320,7 +321,7 @@ fn walls_tell_stress_and_inertial_number() {
     let open = ellipsoids(5, 8);
     let s = open.analyse(Settings::default()).unwrap().report.summary;
     assert_eq!((s.wall_stress_zz_pa, s.inertial_number), (None, None));
-    // And the walls at the sides have no area.
+    // The walls at the sides have no area.
     assert_eq!((s.wall_stress_xx_pa, s.wall_stress_yy_pa), (None, None));
     let mut periodic = open;
     let cell = periodic.header.cell;
@@ -330,7 +331,8 @@ fn walls_tell_stress_and_inertial_number() {
     close(s.wall_stress_xx_pa, 10.0 / (side * (cell.corners().1.z - cell.corners().0.z)));
 }
 
-/// Shear stresses that are read are the means of both, which differ while grains turn: `σ = f ⊗ l / V` of one contact.
+/// Shear stresses in the summary are means of both components, which differ while particles rotate: `σ = f ⊗ l / V`
+/// for one contact.
 #[test]
 fn shear_stresses_are_means_of_both() {
     let side = Vec3::repeat(0.1);

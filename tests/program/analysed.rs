@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::fs;
 use std::path::Path;
 
-/// The report of a heap's newest snapshot.
+/// Report of a heap's newest snapshot.
 fn report(launch: Launch) -> Value {
     let run = heap(launch);
     let out = fresh_directory(&format!("post_{launch:?}"));
@@ -26,7 +26,7 @@ fn is_svg(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "svg")
 }
 
-/// Digit for digit; only the snapshot's name differs.
+/// Reports agree digit for digit, except for the snapshot's name.
 #[test]
 fn reports_are_the_same_from_one_rank_and_from_four() {
     let reports = [Launch::Alone, Launch::Ranks(4)].map(|launch| {
@@ -35,7 +35,7 @@ fn reports_are_the_same_from_one_rank_and_from_four() {
         assert!(name.as_str().unwrap().ends_with("particles_000003000.vtkhdf"), "{name}");
         reports
     });
-    // What the snapshot says, the run has said.
+    // The snapshot and the history agree.
     let contacts_each = reports[0][0]["summary"]["coordination_with_walls"].as_f64().unwrap();
     let said = column(&heap(Launch::Alone).directory, "coordination")[&HEAP_STEPS];
     assert!((contacts_each - said).abs() < 1e-12, "{contacts_each} {said}");
@@ -46,8 +46,7 @@ fn reports_are_the_same_from_one_rank_and_from_four() {
     }
 }
 
-/// The status says equal, different or neither; the text says who differs.
-/// A report of nobody is none.
+/// An empty region gives an error instead of a report.
 #[test]
 fn an_empty_region_is_an_error() {
     let run = heap(Launch::Alone);
@@ -74,7 +73,7 @@ fn a_comparison_names_what_differs() {
     let different = compare(earlier, later);
     assert_eq!(different.status.code(), Some(1), "{different}");
     different.said_once("step: 1000 and 2000");
-    // Ids count from 0: the first particle is in both, the last layer of rain is not.
+    // Ids count from 0: the first particle is in both snapshots, the last layer of rain is not.
     different.said_once(" 0 position.x");
     different.said_once("only in the second: 805, 806, ");
 

@@ -1,4 +1,4 @@
-//! Folders and files of runs: what is somebody else's stays, what is lost is told, and what is printed can be run.
+//! Folders and files of runs: files of other origin stay, losses are reported, and printed commands work.
 
 use super::process::{Call, Ended, Launch, dem_mpi, dem_post, signal};
 use super::{OVER_AT_ONCE, fresh_directory, scene, snapshot, written};
@@ -16,7 +16,7 @@ const MPI: &str = env!("CARGO_BIN_EXE_dem-mpi");
 const POST: &str = env!("CARGO_BIN_EXE_dem-post");
 const CONTACT: &str = env!("CARGO_BIN_EXE_dem-contact");
 
-/// A few steps of the heap into a folder, with more arguments.
+/// Runs a few steps of the heap into a folder, with more arguments.
 fn few_steps(out: &Path, arguments: &[&str]) -> Ended {
     let words = [&*scene("heap"), "--steps", "20", "--out", out.to_str().unwrap()];
     dem_mpi(Launch::Alone, [&words[..], arguments].concat()).end()
@@ -56,7 +56,7 @@ fn files_of_others_stay() {
         assert_ne!(fs::read(&file).unwrap(), mine.as_bytes(), "{name}");
         assert_eq!(fs::read_to_string(out.join(".lock")).unwrap(), mine);
     }
-    // Those of a run are replaced, as ever.
+    // Files of an earlier run are replaced.
     let out = folder.join("again");
     status(&few_steps(&out, &[]), 0);
     fs::remove_file(out.join("last.vtkhdf")).unwrap();
@@ -91,7 +91,7 @@ fn links_are_not_followed() {
     }
     dem_post([&out]).succeed();
     assert_eq!(fs::read_to_string(&target).unwrap(), "of somebody else");
-    // The lock of a run must not be a link, either.
+    // The lock file of a run must not be a link, either.
     let other = fresh_directory("linked_lock");
     symlink(&target, other.join(".lock")).unwrap();
     assert_ne!(few_steps(&other, &[]).status.code(), Some(0));
@@ -119,7 +119,7 @@ fn overwrite_removes_what_a_run_wrote_and_nothing_else() {
     assert!(!out.join("left_below.csv").exists());
 }
 
-/// A table that goes on in a file that nobody can find any more is lost.
+/// A run whose table was removed ends with an error.
 #[test]
 fn a_folder_that_is_removed_is_told() {
     let out = fresh_directory("removed");
@@ -129,13 +129,13 @@ fn a_folder_that_is_removed_is_told() {
     let mut running = dem_mpi(Launch::Alone, words).start();
     let first = snapshot(&out, 1000);
     running.until("a snapshot", || first.exists());
-    // Not while it is written.
+    // The folder is removed between two writes.
     std::thread::sleep(Duration::from_millis(60));
     fs::remove_dir_all(&out).or_else(|_| fs::remove_dir_all(&out)).unwrap();
     let ended = running.end();
     status(&ended, FAILED);
     ended.said_once("history.csv: it was removed or replaced during the run");
-    // The state is not lost with it.
+    // The state survives in a last snapshot.
     Reader::open(&out).unwrap().verify().unwrap();
 }
 
@@ -178,7 +178,7 @@ fn a_diff_knows_both_files() {
     status(&compare(), WRONG);
 }
 
-/// What is printed after "to go on:" are the words of the command, whatever is in the name of the scene.
+/// The command printed after "to go on:" is quoted for any name of the scene.
 #[test]
 fn a_command_to_go_on_is_quoted() {
     let folder = fresh_directory("quoted");
@@ -239,7 +239,7 @@ fn who_cannot_print_says_so() {
     }
 }
 
-/// The system sends a signal that ends whoever does not expect it.
+/// A file beyond the size limit raises a signal that would end the program without a message.
 #[test]
 fn a_file_beyond_the_limit_is_told() {
     let out = fresh_directory("limited");
@@ -269,7 +269,7 @@ fn a_terminal_that_closes_leaves_a_snapshot() {
         status(&ended, STOPPED);
         ended.said_once(&format!("stopped by SIG{name}"));
     }
-    // Under nohup a run outlives its terminal.
+    // Under nohup a run continues after its terminal closes.
     let out = fresh_directory("signalled_nohup");
     let (heap, place) = (scene("heap"), out.display());
     let command = format!("trap '' HUP; exec '{MPI}' '{heap}' --out '{place}' --set {endless}");
@@ -282,7 +282,7 @@ fn a_terminal_that_closes_leaves_a_snapshot() {
     running.end().said_once("stopped by SIGTERM");
 }
 
-/// A stage that its `[stop]` has ended goes on for as many steps as are asked for.
+/// A stage that its `[stop]` has ended continues for the requested number of steps.
 #[test]
 fn steps_beyond_a_stop_are_done() {
     let folder = fresh_directory("beyond_stop");

@@ -1,4 +1,4 @@
-//! A disk that fills up ends the run with a clear error, and the last good snapshot stays.
+//! A full disk ends the run with a clear error, and the last good snapshot stays.
 
 use super::process::{Call, Launch, dem_mpi};
 use super::{assert_same_result, fresh_directory, heap, scene};
@@ -6,20 +6,20 @@ use dem_mpi::output::snapshot::Reader;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The run failed.
+/// Exit status of a failed run.
 const FAILED: i32 = 1;
 
-/// Room for some snapshots of the heap, not for all.
+/// Size of the disk, enough for some snapshots of the heap but not for all.
 const ROOM: &str = "5m";
 
-/// In the environment: this machine or user is known not to mount anything.
+/// Environment variable for machines or users that cannot mount a file system.
 const SKIP: &str = "DEM_MPI_SKIP_FULL_DISK";
 
 /// A small file system, unmounted when dropped.
 struct Disk(PathBuf);
 
 impl Disk {
-    /// `None` where this machine or user cannot, and [`SKIP`] says that this is known.
+    /// `None` where mounting fails and [`SKIP`] is set.
     fn mount(kind: &str, launch: Launch) -> Option<Self> {
         let directory = fresh_directory(&format!("disk_{kind}_{launch:?}"));
         let place = directory.to_str().unwrap();
@@ -49,12 +49,12 @@ impl Disk {
 
 impl Drop for Disk {
     fn drop(&mut self) {
-        // Lazily: programs that other tests start at the same time may hold what HDF5 had open here.
+        // Lazy unmounting, because programs of concurrent tests may hold files that HDF5 had open here.
         let _ = std::process::Command::new("umount").arg("-l").arg(&self.0).status();
     }
 }
 
-/// `tmpfs` reserves blocks; `ext2` cannot, and would let a collective write hang. Where neither can be mounted,
+/// `tmpfs` reserves blocks. `ext2` cannot, and would let a collective write hang. Where neither can be mounted,
 /// `DEM_MPI_SKIP_FULL_DISK=1` lets the test pass.
 #[test]
 fn a_full_disk_ends_the_run_and_keeps_the_last_snapshot() {
@@ -87,7 +87,7 @@ fn fill(disk: &Path, launch: Launch) {
     last.verify().unwrap();
     assert!(last.header().step > 0 && last.passed_over().is_empty(), "{ended}");
 
-    // Where there is room it goes on.
+    // The run continues on a disk with room.
     let elsewhere = fresh_directory("disk_elsewhere");
     for entry in fs::read_dir(out).unwrap() {
         let entry = entry.unwrap();

@@ -1,4 +1,4 @@
-//! A rank that dies ends the run, and the run goes on from its newest snapshot.
+//! A rank that dies ends the run, which can continue from its newest snapshot.
 
 use super::process::{Launch, dem_mpi, dem_post, kill};
 use super::{assert_same_result, fresh_directory, heap_beyond, scene, snapshot};
@@ -9,13 +9,13 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// A run that is not ended by now, when a rank was killed, waits for the dead.
+/// Time limit after the death of a rank; a run that takes longer waits for the dead rank.
 const AT_MOST: Duration = Duration::from_secs(10);
-/// How many kills, if the environment does not say: `DEM_MPI_KILLS=50`.
+/// Default number of kills; `DEM_MPI_KILLS=50` sets another.
 const KILLS: u64 = 4;
-/// The first kill's seed, if the environment does not say: `DEM_MPI_KILL_SEED`.
+/// Default seed of the first kill; `DEM_MPI_KILL_SEED` sets another.
 const SEED: u64 = 100;
-/// Steps between snapshots: so few that many kills fall into the writing of one.
+/// Steps between snapshots, few enough that many kills hit the writing of one.
 const EVERY: u64 = 20;
 
 #[test]
@@ -66,7 +66,7 @@ fn kill_a_rank(seed: u64) -> Killed {
     running.until("its snapshot", || newest.exists());
     let process = running.rank(victim).expect("the rank runs");
     if while_writing {
-        // Until a new one is begun; within it at any moment.
+        // Waits for the beginning of a write, then for a random time within it.
         let begin = Instant::now();
         while partial_files(&directory) == 0 && begin.elapsed() < AT_MOST {}
         std::thread::sleep(pause / 8);
@@ -81,7 +81,8 @@ fn kill_a_rank(seed: u64) -> Killed {
     assert_ne!(ended.status.code(), Some(0), "seed {seed}: {ended}");
     let left_partial = partial_files(&directory) > 0;
 
-    // The newest snapshot is whole, and leads to where the undisturbed run came; so does the one before.
+    // The newest snapshot is complete and leads to the result of the undisturbed run, and so does the
+    // previous one.
     dem_post([out]).succeed().said_once("page: ");
     let newest = Reader::open(&directory).unwrap();
     newest.verify().unwrap();
@@ -103,7 +104,7 @@ fn kill_a_rank(seed: u64) -> Killed {
     Killed { while_writing, left_partial, ended_after }
 }
 
-/// How many snapshot files are begun and not finished.
+/// Number of unfinished snapshot files.
 fn partial_files(directory: &Path) -> usize {
     let names = fs::read_dir(directory)
         .unwrap()

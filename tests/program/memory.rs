@@ -1,4 +1,4 @@
-//! What a run tells of its memory is what the system sees, and what it holds for a moment is bounded.
+//! The reported memory of a run agrees with the system's value, and temporary memory is bounded.
 
 use super::process::{Launch, dem_mpi};
 use super::{fresh_directory, report, written};
@@ -7,14 +7,14 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-/// Balls along an edge of the lattice: 50,653 of them, each touching six.
+/// Number of balls along an edge of the lattice: 50,653 in total, each with six contacts.
 const ALONG: u32 = 37;
-/// The most that a process may hold over what it has of its grains at the end, program and libraries apart. Measured: 2.09
-/// on one rank and 2.34 on two, where half of a column is on its way to the rank that writes it (1.82 and 1.89 while rows were
-/// written where they stood); with whole tables of contacts and histories for a snapshot it was 3.0.
+/// Largest ratio of a process's peak memory to its particles' memory at the end, without program and libraries. Measured: 2.09
+/// on one rank and 2.34 on two, where half of a column is on its way to the rank that writes it. It was 1.82 and 1.89 when
+/// rows were written in place, and 3.0 with whole tables of contacts and histories for a snapshot.
 const FACTOR: f64 = 2.5;
 
-/// Balls on a lattice so narrow that neighbours touch: every list is full at once.
+/// Scene of a lattice so narrow that neighbours touch: every list is full at once.
 fn lattice(along: u32) -> String {
     let (radius, spacing) = (1e-3, 1.995e-3);
     let side = f64::from(along) * 2.0 * radius;
@@ -48,14 +48,14 @@ snapshot_every = 10
     )
 }
 
-/// The report of a run of such a lattice, and the most that the system has seen in its first process [bytes].
+/// Report of a run of such a lattice, and peak memory of its first process as seen by the system [bytes].
 fn run(along: u32, launch: Launch, directory: &Path) -> (Value, f64) {
     let (scene, out) = (written(directory, &lattice(along)), directory.join("out"));
     let arguments = [scene.as_ref(), "--out".as_ref(), out.as_os_str(), "--overwrite".as_ref()];
     let running = dem_mpi(launch, arguments).start();
     let status = format!("/proc/{}/status", running.id());
     let mut most = 0.0_f64;
-    // A process that has ended has no such line.
+    // The line disappears when the process ends.
     while let Some(held) = fs::read_to_string(&status).ok().and_then(|text| {
         let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
         line.trim().strip_suffix("kB")?.trim().parse::<f64>().ok()
@@ -68,7 +68,7 @@ fn run(along: u32, launch: Launch, directory: &Path) -> (Value, f64) {
     (report(&out), most)
 }
 
-/// The most of a figure of the memory of any rank.
+/// Largest value of a memory figure over all ranks.
 fn most(report: &Value, key: &str) -> f64 {
     report["memory"][key]["most"].as_f64().unwrap_or_else(|| panic!("no {key}: {report:#}"))
 }
@@ -82,7 +82,7 @@ fn the_peak_is_told_and_is_not_much_more_than_what_stays() {
         let [before, peak] = [&little, &much].map(|report| most(report, "peak_bytes"));
         let ranks = if launch == Launch::Alone { 1.0 } else { 2.0 };
         if launch == Launch::Alone {
-            // Looked at from outside until shortly before the end.
+            // The external samples end shortly before the process does.
             assert!((0.95..=1.02).contains(&(seen / peak)), "{seen} seen, {peak} told");
         }
         let owned = f64::from(ALONG).powi(3) / ranks;

@@ -1,4 +1,4 @@
-//! Wrong input ends in one clear message, an exit status that says whose fault it is, and soon.
+//! Wrong input ends soon, in one clear message and an exit status that names the kind of fault.
 
 use super::process::{Launch, dem_mpi};
 use super::{HEAP_SNAPSHOTS, fresh_directory, heap, scene, snapshot};
@@ -6,20 +6,19 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-/// The input is at fault.
+/// Exit status for wrong input.
 const WRONG_INPUT: i32 = 2;
-/// The run went wrong.
+/// Exit status of a failed run.
 const FAILED: i32 = 1;
 
-/// Nobody should wait longer to hear about a mistake. On idle cores it takes half a second, and beside four other programs
-/// it has taken 12.
+/// Time limit of an error message. It takes half a second on idle cores, and has taken 12 s beside four other programs.
 const SECONDS: Duration = Duration::from_secs(60);
 
 struct Mistake<'a> {
     scene: &'a Path,
     arguments: &'a [&'a str],
     status: i32,
-    /// What the message says: where the mistake is, what is wrong, what to do.
+    /// Expected parts of the message: place, fault and advice.
     message: &'a [&'a str],
 }
 
@@ -34,7 +33,7 @@ fn a_mistake_ends_in_one_message() {
     let misspelt = named("misspelt.toml");
     fs::write(&misspelt, text.replace("friction =", "frictoin =")).unwrap();
 
-    // Half of a snapshot, as a full disk or a broken copy leaves it.
+    // Half of a snapshot, like after a full disk or a broken copy.
     let whole = fs::read(snapshot(&good.directory, HEAP_SNAPSHOTS[1])).unwrap();
     let half = named("half.vtkhdf");
     fs::write(&half, &whole[..whole.len() / 2]).unwrap();
@@ -42,7 +41,7 @@ fn a_mistake_ends_in_one_message() {
     let contacts = format!("contacts_{:09}.vtkhdf", HEAP_SNAPSHOTS[1]);
     let contacts = good.directory.join(contacts);
 
-    // One on each of two ranks leaves, in the same step.
+    // One particle on each of two ranks leaves in one step.
     let burst = Path::new(&scene("burst")).to_owned();
 
     let coincident = scene("coincident");
@@ -87,7 +86,7 @@ fn a_mistake_ends_in_one_message() {
             status: WRONG_INPUT,
             message: &["pairs overlap by more than 5 %", "larger spacing"],
         },
-        // What no method can resolve is listed with what overlaps too much.
+        // Pairs that no method can resolve are listed with excessive overlaps.
         Mistake {
             scene: Path::new(&coincident),
             arguments: &[],
@@ -105,7 +104,7 @@ fn a_mistake_ends_in_one_message() {
             status: WRONG_INPUT,
             message: &["time.step = 0.001: over the stable limit of 4.81e-5 s", "`egg`"],
         },
-        // As many grains as a scene may have.
+        // The largest number of particles of a scene.
         Mistake {
             scene: &heap_scene,
             arguments: &[
@@ -161,7 +160,7 @@ fn a_mistake_ends_in_one_message() {
             status: WRONG_INPUT,
             message: &["of a snapshot's two files, name particles_<step>.vtkhdf"],
         },
-        // No wall where gravity pulls to.
+        // There is no wall in the direction of gravity.
         Mistake {
             scene: &heap_scene,
             arguments: &["--set", "domain.walls=['-x', '-y', '-z']"],

@@ -1,4 +1,4 @@
-//! The programs as a user meets them: started with and without mpirun, stopped, killed, misled.
+//! The programs from the command line: with and without mpirun, stopped, killed, with wrong input.
 
 mod analysed;
 mod folders;
@@ -31,12 +31,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A scene of these tests, by name.
+/// Path of a scene of these tests, by name.
 fn scene(name: &str) -> String {
     format!("{}/tests/program/{name}.toml", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// One ball of which the end is asked for at once.
+/// Scene of one ball that ends at the first step.
 const OVER_AT_ONCE: &str = r#"
 [domain]
 low = [0, 0, 0]
@@ -55,18 +55,18 @@ step = 1e-5
 steps = 50
 "#;
 
-/// The file of a scene in a folder; what its text leaves out is completed.
+/// Writes a scene file into a folder, completed with the required tables, and returns its path.
 fn written(folder: &Path, text: &str) -> String {
     let path = folder.join("scene.toml");
     fs::write(&path, completed(text)).unwrap();
     path.to_str().unwrap().to_owned()
 }
 
-/// The last step of the heap, and its snapshots before.
+/// Number of steps of the heap, and the steps of its earlier snapshots.
 const HEAP_STEPS: u64 = 3000;
 const HEAP_SNAPSHOTS: [u64; 3] = [0, 1000, 2000];
 
-/// An empty directory. It stays after the test, to look into if that failed.
+/// An empty directory, kept after the test for inspection of a failure.
 fn fresh_directory(name: &str) -> PathBuf {
     let directory = Path::new(env!("CARGO_TARGET_TMPDIR")).join("program").join(name);
     if directory.exists() {
@@ -80,7 +80,7 @@ fn snapshot(directory: &Path, step: u64) -> PathBuf {
     directory.join(dem_mpi::output::snapshot::particles_name(step))
 }
 
-/// A run that nobody disturbed.
+/// A run from beginning to end.
 struct Finished {
     directory: PathBuf,
     ended: Ended,
@@ -94,7 +94,8 @@ fn heap(launch: Launch) -> Arc<Finished> {
     Arc::clone(runs.entry(launch).or_insert_with(run))
 }
 
-/// The whole heap; when a run was stopped too late to join its end, a heap of so many more steps.
+/// Number of steps and result of a heap that ends after the given step. It is the usual heap, or one with 100 steps
+/// more than `step`.
 fn heap_beyond(step: u64) -> (u64, Arc<Finished>) {
     if step < HEAP_STEPS {
         return (HEAP_STEPS, heap(Launch::Alone));
@@ -107,7 +108,7 @@ fn heap_beyond(step: u64) -> (u64, Arc<Finished>) {
     (steps, Arc::new(Finished { directory, ended }))
 }
 
-/// A scene from its beginning to its end.
+/// Runs a scene from its beginning to its end.
 fn finished(name: &str, launch: Launch) -> Finished {
     let directory = fresh_directory(&format!("{name}_{launch:?}"));
     let arguments = [scene(name).into(), "--out".into(), directory.clone().into_os_string()];
@@ -115,7 +116,7 @@ fn finished(name: &str, launch: Launch) -> Finished {
     Finished { directory, ended }
 }
 
-/// The newest snapshots of two directories are the same bit for bit, and the tables byte for byte.
+/// Checks that the newest snapshots of two directories are equal bit for bit, and the tables byte for byte.
 fn assert_same_result(directory: &Path, other: &Path) {
     dem_post(["--diff".as_ref(), directory.as_os_str(), other.as_os_str()])
         .succeed()
@@ -129,7 +130,7 @@ fn assert_same_result(directory: &Path, other: &Path) {
     }
 }
 
-/// Particles and contacts of the newest snapshot, row by row as they stand in its files, without the numbers of ranks.
+/// Particles and contacts of the newest snapshot in the row order of its files, without the rank numbers.
 fn tables(directory: &Path) -> (ParticleTable, ContactTable) {
     let reader = Reader::open(directory).unwrap();
     let particles = reader.particles(0..reader.particle_count()).unwrap();
@@ -143,7 +144,7 @@ fn history(directory: &Path) -> String {
     fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
-/// What a run has reported.
+/// The report of a run.
 fn report(directory: &Path) -> serde_json::Value {
     let path = directory.join("report.json");
     let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));

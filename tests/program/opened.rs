@@ -1,4 +1,4 @@
-//! Snapshots of a real run, opened by others.
+//! Snapshots of a real run in other programs.
 
 use super::process::{Call, Ended, Launch, dem_mpi, dem_post};
 use super::{HEAP_STEPS, finished, fresh_directory, heap, scene, snapshot};
@@ -6,13 +6,13 @@ use std::ffi::OsStr;
 use std::fs;
 use std::time::Duration;
 
-/// The first time, the script fetches VTK: 100 MB.
+/// Time limit with the first download of VTK (100 MB).
 const WITH_DOWNLOAD: Duration = Duration::from_secs(600);
-/// The script's exit status if it could not.
+/// The script's exit status if VTK cannot be fetched.
 const NO_VTK: i32 = 3;
 const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/open_in_vtk.sh");
 
-/// Could VTK not be fetched, on a machine where that is no fault?
+/// Whether VTK could not be fetched on a machine where that is expected.
 fn may_skip(ended: &Ended) -> bool {
     let skips =
         ended.status.code() == Some(NO_VTK) && std::env::var_os("DEM_MPI_SKIP_VTK").is_some();
@@ -22,7 +22,7 @@ fn may_skip(ended: &Ended) -> bool {
     skips
 }
 
-/// VTK and h5py show what the run wrote, from one rank and from several. On a machine that cannot reach
+/// VTK and h5py show the data of the run, from one rank and from several. On a machine that cannot reach
 /// a package index, `DEM_MPI_SKIP_VTK=1` lets the test pass.
 #[test]
 fn vtk_opens_the_snapshots_of_a_run() {
@@ -35,7 +35,7 @@ fn vtk_opens_the_snapshots_of_a_run() {
     assert_eq!(ended.status.code(), Some(0), "{ended}");
     assert_eq!(ended.output.matches("good: vtk").count(), files.len(), "{ended}");
 
-    // Grains of all kinds as dem-post gives them to others: surfaces, points, lines, a reader for Python.
+    // Exports of dem-post for particles of all kinds: surfaces, points, lines, and a reader for Python.
     let kinds = finished("kinds", Launch::Ranks(2)).directory;
     let folder = fresh_directory("exports");
     let out = ["--out".as_ref(), folder.as_os_str()];
@@ -50,7 +50,7 @@ fn vtk_opens_the_snapshots_of_a_run() {
     turning_walls_are_played_where_they_stand();
 }
 
-/// A wall of triangles that turns, at several times; and grains, walls and contacts in one list.
+/// A rotating wall of triangles at several times, and particles, walls and contacts in one list.
 fn turning_walls_are_played_where_they_stand() {
     let run = fresh_directory("played");
     let (scene, out) = (scene("chute"), run.to_str().unwrap());

@@ -1,4 +1,4 @@
-//! The same bits where the platform's mathematics gives other last digits.
+//! Identical bits with a platform library whose functions return other last digits.
 
 use super::process::{Call, Launch, dem_mpi, dem_post};
 use super::{column, fresh_directory, scene};
@@ -31,7 +31,8 @@ fn no_bit_depends_on_the_mathematics_of_the_platform() {
         let contacts = column(Path::new(&here), "contacts");
         assert!(contacts.values().any(|&count| count > 10.0), "{contacts:?}");
         if name == "sticking_balls" {
-            // The angle of the plate in the table comes from the platform: the other library was there.
+            // The angle of the plate in the table comes from the platform library, so the difference
+            // proves that the other one was in use.
             let [turned, elsewhere] =
                 [&here, &there].map(|out| column(Path::new(out), "turned_plate_x_rad"));
             assert_ne!(turned, elsewhere);

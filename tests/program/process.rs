@@ -1,5 +1,5 @@
-//! Programs started as a user starts them, with and without mpirun. Each has a time limit, and leaves
-//! no process behind: nothing that these tests start can hang.
+//! Programs started from the command line, with and without mpirun. Each has a time limit and leaves no
+//! process behind, so these tests cannot hang.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -11,25 +11,25 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// A call that takes longer hangs: the slowest takes ten seconds on two cores that nobody else uses.
+/// Time limit of a call; the slowest takes ten seconds on two idle cores.
 const TIME_LIMIT: Duration = Duration::from_secs(240);
-/// How soon all processes of a call must be gone once it has ended, or has been killed.
+/// Time limit for the end of all processes of a call, after it has ended or has been killed.
 const SOON: Duration = Duration::from_secs(5);
-/// Between looks at what is waited for.
+/// Interval of polling.
 const POLL: Duration = Duration::from_millis(10);
-/// Names a call to the processes that it starts.
+/// Environment variable that identifies the processes of a call.
 const CALL: &str = "DEM_MPI_TEST_CALL";
 
-/// How a program is started.
+/// Launch method of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Launch {
-    /// As it is.
+    /// Without a launcher.
     Alone,
-    /// `mpirun -n`.
+    /// With `mpirun -n`.
     Ranks(u32),
 }
 
-/// A program, its arguments, and where and how it is started.
+/// A program with its arguments, working directory and time limit.
 pub(super) struct Call {
     words: Vec<OsString>,
     directory: PathBuf,
@@ -48,7 +48,7 @@ pub(super) fn dem_mpi<S: Into<OsString>>(
     Call::new(launcher, env!("CARGO_BIN_EXE_dem-mpi"), arguments)
 }
 
-/// The launcher of the MPI that the program was built with: `mpirun`, or what the variable `MPIRUN` says.
+/// Launcher of the MPI that the program was built with: `mpirun`, or the value of the variable `MPIRUN`.
 pub(super) fn mpirun() -> OsString {
     std::env::var_os("MPIRUN").unwrap_or("mpirun".into())
 }
@@ -70,33 +70,33 @@ impl Call {
         Self { words, directory: env!("CARGO_MANIFEST_DIR").into(), limit: TIME_LIMIT }
     }
 
-    /// From this working directory, instead of the package's.
+    /// Sets a working directory other than the package's.
     pub(super) fn from(self, directory: &Path) -> Self {
         Self { directory: directory.to_owned(), ..self }
     }
 
-    /// With another time limit.
+    /// Sets another time limit.
     pub(super) fn within(self, limit: Duration) -> Self {
         Self { limit, ..self }
     }
 
-    /// Starts it and waits for its end, whatever that is.
+    /// Runs the program to its end, with any status.
     pub(super) fn end(self) -> Ended {
         self.start().end()
     }
 
-    /// Starts it and waits for its end, which must be good.
+    /// Runs the program to its end and checks that it succeeded.
     pub(super) fn succeed(self) -> Ended {
         let ended = self.end();
         assert_eq!(ended.status.code(), Some(0), "{ended}");
         ended
     }
 
-    /// Starts it.
+    /// Starts the program.
     pub(super) fn start(self) -> Running {
         static CALLS: AtomicU32 = AtomicU32::new(0);
         let name = format!("{}-{}", std::process::id(), CALLS.fetch_add(1, Ordering::Relaxed));
-        // They call mpirun themselves.
+        // These scripts call mpirun themselves.
         let several =
             |word: &OsString| *word == mpirun() || word == "run/slurm" || word == "run/demo";
         let turn = self.words.iter().any(several).then(wait_for_turn);
@@ -107,12 +107,12 @@ impl Call {
             .args(&self.words[1..])
             .current_dir(&self.directory)
             .env(CALL, &name)
-            // Whatever the user and the number of cores.
+            // For any user and number of cores.
             .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
             .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
             .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
             .env("OMPI_MCA_mpi_yield_when_idle", "1")
-            // As `run/environment` has it.
+            // The values of `run/environment`.
             .env("OMPI_MCA_odls_base_sigkill_timeout", "4")
             .env("OMPI_MCA_hwloc_base_binding_policy", "none")
             .stdin(Stdio::null())
@@ -124,8 +124,8 @@ impl Call {
     }
 }
 
-/// Waits until no other test, of this or another test program, runs mpirun: with more ranks than cores,
-/// two at a time would only get in each other's way. The turn ends when the file is closed.
+/// Waits until no other test, of this or another test program, runs mpirun. With more ranks than cores,
+/// two concurrent runs would slow each other. The lock ends when the file is closed.
 fn wait_for_turn() -> File {
     let turn = File::create(Path::new(env!("CARGO_TARGET_TMPDIR")).join("mpirun.lock"))
         .expect("the lock's file can be made");
@@ -133,7 +133,7 @@ fn wait_for_turn() -> File {
     turn
 }
 
-/// A started call. What is still there of it when it is dropped is killed.
+/// A started call. Its remaining processes are killed when it is dropped.
 pub(super) struct Running {
     call: Call,
     name: String,
@@ -170,7 +170,7 @@ impl Running {
         ended
     }
 
-    /// Polls until something is the case; fails if the call ends before, or at its time limit.
+    /// Polls until a condition holds; fails if the call ends before, or at its time limit.
     pub(super) fn until(&mut self, what: &str, mut is_so: impl FnMut() -> bool) {
         let limit = self.call.limit.saturating_sub(self.begin.elapsed());
         let child = &mut self.child;
@@ -182,15 +182,15 @@ impl Running {
         assert!(in_time, "{limit:?} passed before {what}");
     }
 
-    /// The process that was started.
+    /// Id of the started process.
     pub(super) fn id(&self) -> u32 {
         self.child.id()
     }
 
-    /// The process of a rank.
+    /// Process id of a rank.
     pub(super) fn rank(&self, rank: u32) -> Option<u32> {
         let is_it = |environment: &&Process| {
-            // Of Open MPI, of MPICH.
+            // Variables of Open MPI and of MPICH.
             let [of_open_mpi, of_mpich] =
                 ["OMPI_COMM_WORLD_RANK", "PMI_RANK"].map(|name| environment.variables.get(name));
             of_open_mpi.or(of_mpich) == Some(&rank.to_string())
@@ -198,7 +198,7 @@ impl Running {
         self.processes().iter().find(is_it).map(|process| process.id)
     }
 
-    /// All processes that the call has started, and that have not ended.
+    /// All running processes of the call.
     fn processes(&self) -> Vec<Process> {
         let all = fs::read_dir("/proc").expect("a system with /proc");
         let ids = all.filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok());
@@ -226,14 +226,14 @@ impl Drop for Running {
     }
 }
 
-/// A process and the variables with which it was started.
+/// A process with its environment variables.
 struct Process {
     id: u32,
     variables: BTreeMap<String, String>,
 }
 
 impl Process {
-    /// `None` if it has ended, or is somebody else's.
+    /// `None` if it has ended, or belongs to another user.
     fn read(id: u32) -> Option<Self> {
         let bytes = fs::read(format!("/proc/{id}/environ")).ok()?;
         let variables = String::from_utf8_lossy(&bytes)
@@ -253,11 +253,11 @@ pub(super) fn kill(process: u32) {
 /// Sends a signal by its name.
 pub(super) fn signal(process: u32, name: &str) {
     let kill = format!("kill -s {name} {process}");
-    // It may be gone by now: then there is nothing to complain about.
+    // An error is ignored, as the process may have ended.
     let _ = Command::new("sh").args(["-c", &kill]).stderr(Stdio::null()).status();
 }
 
-/// Polls until something is so; false if it is not within the limit.
+/// Polls until a condition holds; false at the time limit.
 fn is_soon(limit: Duration, mut is_so: impl FnMut() -> bool) -> bool {
     let begin = Instant::now();
     loop {
@@ -277,7 +277,7 @@ fn text_of(file: &mut File) -> String {
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// How a call ended, and what it said.
+/// Result of a call: status, duration and output.
 pub(super) struct Ended {
     words: Vec<OsString>,
     pub(super) status: ExitStatus,
@@ -287,14 +287,14 @@ pub(super) struct Ended {
 }
 
 impl Ended {
-    /// Everything that it said.
+    /// Standard output and standard error.
     pub(super) fn said(&self) -> String {
         format!("{}{}", self.output, self.errors)
     }
 
-    /// It said this, and not twice.
+    /// Checks that a text occurs exactly once in the output.
     pub(super) fn said_once(&self, text: &str) {
-        // A warning stands in the report, too.
+        // A warning is in both outputs: once as it arises and once in the report.
         let times = [&self.errors, &self.output].map(|said| said.matches(text).count());
         let times = times.into_iter().max().unwrap_or_default();
         assert_eq!(times, 1, "`{text}` {times} times in the output of {self}");

@@ -1,4 +1,4 @@
-//! A run in jobs of limited time: `run/slurm`, with a Slurm of a few lines.
+//! A run in jobs of limited time: `run/slurm`, with a minimal substitute for Slurm.
 
 use super::process::{Call, Launch, dem_mpi, signal};
 use super::{assert_same_result, fresh_directory, heap_beyond, scene, snapshot};
@@ -7,12 +7,12 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-/// A rank was killed on its way out, because another had ended with a status that is not 0: what Slurm then says.
+/// Slurm's status after it killed a rank because another rank had ended with a non-zero status.
 const KILLED: i32 = 137;
 /// Steps between snapshots.
 const EVERY: u64 = 20;
 
-/// Directory of a `srun` that starts two ranks, and a `scontrol` that writes down what it is asked.
+/// Directory with an `srun` that starts two ranks, and an `scontrol` that records its arguments.
 fn slurm(name: &str, ranks_seen: u32) -> PathBuf {
     let directory = fresh_directory(name);
     let srun = format!(
@@ -28,7 +28,7 @@ fn slurm(name: &str, ranks_seen: u32) -> PathBuf {
     directory
 }
 
-/// What the job does that `sbatch` queues.
+/// The job that `sbatch` queues.
 fn job(slurm: &Path, stage: &str, out: &Path, more: &[&str]) -> Call {
     let path = format!("PATH={}:{}", slurm.display(), std::env::var("PATH").unwrap());
     let program = concat!("DEM_MPI=", env!("CARGO_BIN_EXE_dem-mpi"));
@@ -53,7 +53,7 @@ fn a_job_is_queued_again_until_all_is_done() {
         let mut running = job(&slurm, "heap", &out, &more).start();
         let reached = snapshot(&out, (step / EVERY + 5) * EVERY);
         running.until("a snapshot", || reached.exists());
-        // As Slurm does: to all ranks.
+        // Slurm signals all ranks.
         for rank in 0..2 {
             signal(running.rank(rank).expect("the rank runs"), "USR1");
         }
@@ -70,8 +70,8 @@ fn a_job_is_queued_again_until_all_is_done() {
     assert_same_result(&whole.directory, &out);
 }
 
-/// A stage that follows another, of which nothing need be left when the job is queued again. One that has ended, or
-/// gets no further, is not.
+/// A stage that follows another can be queued again after the earlier stage's folder is gone. A stage that has
+/// ended, or makes no progress, is not queued again.
 #[test]
 fn a_stage_that_follows_another_is_queued() {
     let (slurm, out) = (slurm("slurm_stage", 2), fresh_directory("queued_stage"));
@@ -93,7 +93,7 @@ fn a_stage_that_follows_another_is_queued() {
     assert_eq!(asked(&slurm), "");
 }
 
-/// A stage that has done its steps, but not reached what it was to reach, ends the chain with its status.
+/// A stage that has done its steps without reaching its target ends the chain with its status.
 #[test]
 fn a_stage_that_falls_short_is_not_queued_again() {
     let (slurm, out) = (slurm("slurm_short", 2), fresh_directory("queued_short"));
@@ -107,7 +107,7 @@ fn a_stage_that_falls_short_is_not_queued_again() {
     assert_eq!(asked(&slurm), "");
 }
 
-/// As where `srun` starts the ranks of another MPI.
+/// Ranks that do not see each other, like under an `srun` of another MPI.
 #[test]
 fn ranks_that_do_not_see_each_other_do_not_run() {
     let (slurm, out) = (slurm("slurm_apart", 1), fresh_directory("queued_apart"));

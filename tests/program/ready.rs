@@ -1,4 +1,4 @@
-//! The ready scenes of `run/`: what their pages promise, on shorter runs.
+//! The ready scenes of `run/`: the claims of their pages, on shorter runs.
 
 use super::process::{Call, Ended, Launch, dem_mpi, mpirun};
 use super::{fresh_directory, report};
@@ -27,7 +27,7 @@ const FOLDERS: [&str; 13] = [
     "stones",
 ];
 
-/// The stages before have not been run, and need not have been.
+/// Path of the previous stage, which need not have run.
 const NOWHERE: &str = "no snapshot";
 
 fn folder(name: &str) -> PathBuf {
@@ -40,7 +40,7 @@ fn read(file: &str, overrides: &[&str]) -> Scene {
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// So many steps of a scene.
+/// Runs a number of steps of a scene.
 fn run(scene: &Scene, steps: u64) -> Simulation {
     let mut comm = Alone::default();
     let mut sim = assemble::assemble(scene, &comm);
@@ -79,7 +79,7 @@ fn each_has_a_page_and_a_picture_and_nothing_doubtful() {
                 Scene::read_to_go_on(file, &[], &before).unwrap_or_else(|error| panic!("{error}"));
             assert_eq!(doubts(&scene), Vec::<String>::new(), "{}", scene.title);
             if ["triaxial", "element", "jacks"].contains(&name) {
-                // The next stage asks the snapshot of this one for its scene.
+                // The next stage takes its scene from the snapshot of this one.
                 before = fresh_directory(&format!("ready_{name}_{stage}"));
                 let comm = &mut Alone::default();
                 save(&support::begun(&scene, comm), &before, &scene, comm);
@@ -88,7 +88,7 @@ fn each_has_a_page_and_a_picture_and_nothing_doubtful() {
     }
 }
 
-/// `run/demo` in a copy of `run`, where everything is set up and built.
+/// Runs `run/demo` in a copy of `run` where set-up and build do nothing.
 fn demo(copy: &Path, words: &[&str]) -> Ended {
     Call::new(vec![], "cp", [Path::new("-r"), &folder(""), copy]).succeed();
     for nothing in [copy.join("run/setup"), copy.join("cargo")] {
@@ -119,14 +119,14 @@ fn the_demo_of_a_scene_makes_what_its_page_shows() {
         assert!(post.join(file).exists(), "no {file}: {ended}");
     }
     assert!(copy.join("out/drum/last.vtkhdf").exists());
-    // Halves of one snapshot say nothing of mixing.
+    // Halves of one snapshot give no information on mixing.
     let post = env!("CARGO_BIN_EXE_dem-post");
     let alone = Call::new(vec![], post, ["out/drum", "--mixing", "half:x"]).from(&copy).end();
     assert_eq!(alone.status.code(), Some(0), "{alone}");
     assert!(alone.output.contains("the halves of one snapshot are apart"), "{alone}");
 }
 
-/// Of a scene that is not there the demo tells those that are, and the page of each has its command.
+/// For an unknown scene the demo lists the known ones, and the page of each has its command.
 #[test]
 fn the_demo_tells_its_scenes() {
     let ended = demo(&fresh_directory("demo_of_nothing"), &["dram"]);
@@ -158,7 +158,7 @@ fn bodies_on_the_incline_move_as_in_the_textbook() {
     }
 }
 
-/// How fast the uppermost of a stack turns [rad/s], and a voussoir's highest speed [m/s].
+/// Angular velocity of the top particle of a stack [rad/s], and the highest speed of a voussoir [m/s].
 #[test]
 fn stack_and_arch_stand_or_fall() {
     let top = |file: &str| {
@@ -188,7 +188,7 @@ fn heap_and_mixture_begin_to_rain() {
     }
 }
 
-/// Grains flow over glued ones, which stay; a stream presses on a post; an intruder goes on through its bed.
+/// Particles flow over glued ones, which stay; a stream presses on a post; an intruder moves through its bed.
 #[test]
 fn held_grains_stay_or_go_their_way() {
     let rough = run(&read("groups/rough.toml", &[]), 6000);
@@ -225,7 +225,7 @@ fn held_grains_stay_or_go_their_way() {
     assert!(past > 10, "{past} are past the post");
 }
 
-/// Grains fall through a hopper's opening only, are carried up by a drum on the side that rises, and stay in a silo.
+/// Particles fall only through a hopper's opening, rise on the ascending side of a drum, and stay in a silo.
 #[test]
 fn hopper_drum_and_silo_hold_their_grains() {
     let few = ["fill.lattice.0.high=[0.03, 0.03, 0.068]", "fill.lattice.0.velocity=[0, 0, -1]"];
@@ -280,7 +280,7 @@ fn sheared_spheres_press_with_the_square_of_the_rate() {
     assert!((0.2..0.9).contains(&friction), "{friction}");
 }
 
-/// Each stage takes up the one before, and ends with a status by which a chain stops.
+/// Each stage continues from the previous one, and its exit status can stop a chain.
 #[test]
 fn the_three_stages_of_the_triaxial_test_follow_each_other() {
     let out = fresh_directory("triaxial");

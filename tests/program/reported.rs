@@ -1,4 +1,4 @@
-//! `report.json`: its keys, and that its figures hold together; the lines that a person gets.
+//! `report.json`: its keys and the consistency of its figures, and the lines in the terminal.
 
 use super::process::{Call, Launch, dem_mpi};
 use super::{
@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The keys of each table of the file. What is documented in `output::report` and read by programs does not change its name unseen.
+/// Keys of each table of the file. They are documented in `output::report` and read by programs, so a change must not go unnoticed.
 const KEYS: [(&str, &str); 13] = [
     (
         "",
@@ -90,7 +90,7 @@ fn figures_hold_together() {
         per("ns_per_particle_step", 1e-9 * number("/run/particle_steps"));
         per("us_per_step", 1e-6 * ranks * HEAP_STEPS as f64);
         assert!(number("/contacts/contacts") < 0.9 * number("/contacts/listed_pairs"));
-        // The first snapshot, too, belongs to a phase.
+        // The first snapshot belongs to a phase, too.
         let spent = sum("total_s") / (ranks * number("/run/wall_s"));
         assert!((0.95..=1.001).contains(&spent), "{spent}: {report:#}");
         let energy = |key: &str| number(&format!("/energy/{key}"));
@@ -108,7 +108,7 @@ fn figures_hold_together() {
         let overlap = number("/resolution/largest_overlap_over_radius");
         assert!(overlap > 1e-3 && overlap < 0.5, "{overlap}");
         let motion = number("/resolution/largest_move_over_radius");
-        // Lattice and rain come at 0.6 to 1 m/s, the fastest will be faster.
+        // Lattice and rain begin at 0.6 to 1 m/s, and the fastest particle exceeds that.
         assert!((1e-5 / 0.0015..1e-4 / 0.0015).contains(&motion), "{motion}");
         assert!(number("/resolution/largest_turn_rad") > 0.0);
     }
@@ -130,7 +130,7 @@ fn a_person_gets_four_lines_and_more_when_asked() {
     let short = call(&[]);
     let labels = lines(&short.output);
     assert_eq!(labels[..4], ["steps", "contacts", "energy", "snapshot"], "{short}");
-    // It still rains: warnings stay.
+    // The rain has not ended, so warnings remain.
     assert!(!labels[4..].is_empty() && labels[4..].iter().all(|l| l == "warning"), "{short}");
     short.said_once("of 250 particles of rain have fallen");
     let long = call(&["--verbose"]);
@@ -161,11 +161,11 @@ fn what_other_programs_cost_is_told() {
         let report = report(&directory);
         number(&report, "/ranks/without_core_s/most") / number(&report, "/run/wall_s")
     });
-    // A half of each, if nothing else runs.
+    // Each gets half of the core if nothing else runs.
     assert!(parts.iter().all(|part| *part > 0.25), "{parts:?}");
 }
 
-/// All kinds of grains, each resolved again; by every method.
+/// All kinds of particles, each contact resolved again, by every method.
 #[test]
 fn audits_are_the_same_on_any_number_of_ranks_and_leave_no_trace() {
     let run = |name: &str, launch, method: &str, audit: &str| {
@@ -193,7 +193,7 @@ fn audits_are_the_same_on_any_number_of_ranks_and_leave_no_trace() {
     }
 }
 
-/// What every method may be off by at most.
+/// Checks the largest error of every method.
 fn assert_errors(figures: &Value, method: &str) {
     assert_eq!(figures["audits"], 10);
     let kinds = figures["of_kinds"].as_array().unwrap();
@@ -213,8 +213,8 @@ fn assert_errors(figures: &Value, method: &str) {
     assert_eq!(rough > 0, method == "gjk-erosion", "{figures:#}");
 }
 
-/// A row of 16 balls on two ranks, cut in the middle: each has 8 of them and as many ghosts. All bytes over all ghosts are the bytes of a rank and
-/// step over those of its ghosts.
+/// A row of 16 balls on two ranks, cut in the middle: each has 8 of them and as many ghosts. Total bytes over total ghosts equal the bytes of a
+/// rank and step over its ghosts.
 #[test]
 fn bytes_of_ghosts_are_those_of_messages() {
     let directory = fresh_directory("row");
@@ -232,7 +232,7 @@ fn bytes_of_ghosts_are_those_of_messages() {
     assert!(ghosts > 0.4 && off.abs() < 0.01, "{ghosts}, {off}: {report:#}");
 }
 
-/// Of a run that goes on, the report is about what it did itself.
+/// The report of a continued run covers only that run.
 #[test]
 fn figures_are_of_this_run() {
     let directory = fresh_directory("second_leg");

@@ -1,4 +1,4 @@
-//! Stopped and continued, a run ends as if it had never stopped.
+//! A stopped and continued run ends with the result of an uninterrupted run.
 
 use super::process::{Ended, Launch, dem_mpi};
 use super::{
@@ -12,14 +12,13 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-/// The heap in this directory, with more arguments.
+/// Call of the heap in this directory, with more arguments.
 fn heap_in(directory: &Path, launch: Launch, more: &[&str]) -> super::process::Call {
     let out = directory.to_str().expect("a path in UTF-8");
     dem_mpi(launch, [&[&*scene("heap"), "--out", out], more].concat())
 }
 
-/// Three legs on two ranks, three ranks and alone. The first ends in the middle of the rain, and between two
-/// rows of the history.
+/// Three parts of a run, on two ranks, three ranks and alone. The first ends in the middle of the rain, and between two rows of the history.
 #[test]
 fn legs_on_different_numbers_of_ranks_make_one_run() {
     let whole = heap(Launch::Alone);
@@ -38,7 +37,7 @@ fn legs_on_different_numbers_of_ranks_make_one_run() {
     assert_same_result(&whole.directory, &directory);
 }
 
-/// A state that does not fit the scene is found by a check and a plan, too.
+/// A check and a plan report a state that does not fit the scene, too.
 #[test]
 fn a_plan_sees_whether_a_snapshot_fits() {
     let whole = heap(Launch::Alone);
@@ -53,7 +52,7 @@ fn a_plan_sees_whether_a_snapshot_fits() {
     }
 }
 
-/// Back to a snapshot in the middle of a run that went on: what came after it is made anew.
+/// A restart from an earlier snapshot of a longer run writes all later output again.
 #[test]
 fn an_earlier_snapshot_continues_on_any_number_of_ranks() {
     let whole = heap(Launch::Alone);
@@ -72,7 +71,7 @@ fn an_earlier_snapshot_continues_on_any_number_of_ranks() {
     }
 }
 
-/// A directory that has been used holds one run: nothing of it is lost unless the user says so.
+/// A used directory holds one run, and nothing of it is lost without an explicit request.
 #[test]
 fn a_used_directory_is_refused() {
     let directory = fresh_directory("used");
@@ -90,14 +89,14 @@ fn a_used_directory_is_refused() {
     let there = [0, 100, 150, 200, 300].map(|step| snapshot(&directory, step).exists());
     assert_eq!(there, [true, true, true, false, false]);
 
-    // Of a run without snapshots on the way, the start and the end stay.
+    // Without intermediate snapshots the start and the end stay.
     let only_the_last = ["--set", "output.snapshot_every=0", "--steps", "150", "--overwrite"];
     heap_in(&directory, Launch::Alone, &only_the_last).succeed();
     let there = [0, 100, 150].map(|step| snapshot(&directory, step).exists());
     assert_eq!(there, [true, false, true]);
 }
 
-/// What has been written of the history stays, also if less is asked for from now on.
+/// Written rows of the history stay, even if fewer are requested later.
 #[test]
 fn a_coarser_history_loses_nothing() {
     let directory = fresh_directory("coarser");
@@ -122,7 +121,7 @@ fn a_stage_does_not_write_over_the_one_before() {
     refused.said_once("heap is the folder of the stage that `start` goes on from");
     assert_eq!(history(&directory.join("heap")), before);
 
-    // Not even if it may: it would remove what it begins with.
+    // The stage may not overwrite its own start, even with permission.
     let over = ["--out", "heap", "--overwrite", "--steps", "100"];
     let tilted = scene("tilted");
     let words = [&[&*tilted], &over[..]].concat();
@@ -131,7 +130,7 @@ fn a_stage_does_not_write_over_the_one_before() {
     assert_eq!(there, [true, true, true]);
 }
 
-/// The same periods, but the domain begins elsewhere: particles come to where it is.
+/// Identical periods with another origin of the domain: particles are wrapped into the new domain.
 #[test]
 fn a_periodic_domain_may_begin_elsewhere() {
     let whole = finished("periodic", Launch::Alone);
@@ -148,8 +147,7 @@ fn a_periodic_domain_may_begin_elsewhere() {
     assert_same_result(&alone, &together);
 }
 
-/// Walls are known by their names: in another order they keep what is remembered of their contacts. And a stage
-/// goes on when that before it is gone.
+/// Walls are identified by their names, so another order keeps their contacts. A stage can continue without the previous one.
 #[test]
 fn walls_keep_their_contacts_in_any_order() {
     let directory = fresh_directory("reordered");
@@ -186,7 +184,7 @@ fn walls_keep_their_contacts_in_any_order() {
     run(&[&[tilted, "--start", "tilted"], &set[..]].concat());
 }
 
-/// Grains of another density go on as fast as they were, and turn as fast.
+/// Particles of another density keep their velocity and angular velocity.
 #[test]
 fn a_stage_may_change_the_density() {
     let directory = fresh_directory("denser");
@@ -209,7 +207,7 @@ fn a_stage_may_change_the_density() {
     }
 }
 
-/// Friction that comes in the middle of a stage finds no springs to go on with; a new stage begins with none.
+/// Friction that a scene adds within a stage is rejected for lack of springs; a new stage begins with none.
 #[test]
 fn what_a_law_remembers_must_be_there_to_go_on() {
     for (name, launch) in [("forgotten", Launch::Alone), ("forgotten_together", Launch::Ranks(2))] {
@@ -238,7 +236,7 @@ fn stages_follow_each_other() {
     ];
     let [alone, together] = chains.map(|(name, first, second)| {
         let directory = fresh_directory(name);
-        // Where output and `start` are, the scenes say, relative to the working directory.
+        // Scenes give output and `start` relative to the working directory.
         let run = |launch, arguments: &[&str]| {
             dem_mpi(launch, arguments).from(&directory).succeed();
         };
@@ -261,8 +259,8 @@ fn stages_follow_each_other() {
     assert!((end.1 - 0.023).abs() < 1e-12, "and so does time: {end:?}");
 }
 
-/// What a scene says of its walls and its `start` is held against the snapshot, also by --check; a stage does not go on
-/// from the stage before as if that were its own.
+/// A scene's walls and its `start` are checked against the snapshot, also by --check. A stage cannot be restarted from the snapshot of the
+/// previous stage.
 #[test]
 fn the_stage_before_is_told_from_this_one() {
     for launch in [Launch::Alone, Launch::Ranks(2)] {
@@ -292,8 +290,8 @@ fn the_stage_before_is_told_from_this_one() {
     }
 }
 
-/// A finished run is not run again, and says how to ask for more. For the job that asks, all is well: it may have been
-/// queued again. A snapshot beyond the end of the stage is a mistake.
+/// A finished run does not run again, and its message explains how to get more steps. Its status is success, because a job may be queued
+/// again. A snapshot beyond the end of the stage is an error.
 #[test]
 fn nothing_is_left_to_do() {
     for launch in [Launch::Alone, Launch::Ranks(2)] {
@@ -310,16 +308,16 @@ fn nothing_is_left_to_do() {
     }
 }
 
-/// The status of a stage that has done its steps while its `[stop]` does not hold.
+/// Exit status of a stage that has done its steps while its `[stop]` does not hold.
 const UNMET: i32 = 4;
 
-/// A stage that its `[stop]` has ended is over, whatever its steps, unless the user wants more of it.
+/// A stage that its `[stop]` has ended is complete at any number of steps, unless more are requested.
 #[test]
 fn a_stage_ended_by_stop_is_over() {
     for launch in [Launch::Alone, Launch::Ranks(2)] {
         let directory = fresh_directory("ended");
         let start = ["--start", directory.to_str().unwrap(), "--set"];
-        // A limit that any heap is below, as soon as all rain has fallen; looked at every 100 steps.
+        // Every heap is below this limit once all rain has fallen; the check is every 100 steps.
         heap_in(&directory, launch, &["--set", "stop.rest=0.99"])
             .succeed()
             .said_once("[stop] reached");
@@ -340,8 +338,8 @@ fn a_stage_ended_by_stop_is_over() {
     }
 }
 
-/// What `[stop]` asks for may hold at the last step alone, which is none of those at which it is looked at otherwise. Then the stage is over
-/// for a job that is queued again, too.
+/// A `[stop]` may hold only at the last step, which is between the regular checks. The stage is then complete for a job that is queued
+/// again, too.
 #[test]
 fn a_stop_that_holds_at_the_last_step_ends_the_stage() {
     let directory = fresh_directory("ended_last");
@@ -354,7 +352,7 @@ fn a_stop_that_holds_at_the_last_step_ends_the_stage() {
     run(&["--start", "out"]).said_once("nothing left to do");
 }
 
-/// A stage with the scene of the one before by `like`, and with a copy of it: on one rank, and on two.
+/// A stage with the previous scene by `like`, and one with a copy of it: on one rank, and on two.
 #[test]
 fn a_stage_that_is_like_the_one_before_has_the_bits_of_a_copy() {
     let whole = heap(Launch::Alone);

@@ -1,4 +1,4 @@
-//! The same bits on any number of ranks.
+//! Identical bits on any number of ranks.
 
 use super::process::{Launch, dem_mpi};
 use super::{
@@ -10,7 +10,7 @@ use std::path::Path;
 #[test]
 fn a_heap_has_the_same_bits_on_any_number_of_ranks() {
     let alone = heap(Launch::Alone);
-    // The scene is worth the comparison: many particles, most of them in contact at the end.
+    // The comparison is meaningful: many particles, most of them in contact at the end.
     assert!(column(&alone.directory, "particles")[&HEAP_STEPS] > 500.0);
     assert!(column(&alone.directory, "coordination")[&HEAP_STEPS] > 2.0);
     for ranks in [1, 2, 3, 4, 8] {
@@ -23,7 +23,7 @@ fn a_heap_has_the_same_bits_on_any_number_of_ranks() {
     }
 }
 
-/// No walls; two streams through each other and through all borders.
+/// No walls; two streams move through each other and through all borders.
 #[test]
 fn a_periodic_box_has_the_same_bits_on_any_number_of_ranks() {
     let alone = finished("periodic", Launch::Alone);
@@ -37,7 +37,7 @@ fn a_periodic_box_has_the_same_bits_on_any_number_of_ranks() {
     }
 }
 
-/// Layers of rain close behind each other, so that the domain is cut anew when one falls: it goes to the new owners.
+/// Layers of rain in quick succession, so that the domain is cut again when one falls: its particles go to the new owners.
 /// Without friction and dashpots ghosts have no velocities, and nothing dissipates.
 #[test]
 fn rain_falls_to_whom_the_new_cuts_give_it() {
@@ -61,8 +61,8 @@ fn cuts_follow_a_wall_out_of_the_domain() {
     }
 }
 
-/// An inlet, an outlet, sizes by a law, and a wall of triangles that swings: also where a run was cut in between, on other
-/// numbers of ranks.
+/// An inlet, an outlet, a size distribution, and an oscillating wall of triangles, also with a restart on other numbers of
+/// ranks.
 #[test]
 fn what_comes_and_goes_over_triangles_has_the_same_bits() {
     let alone = finished("chute", Launch::Alone);
@@ -85,7 +85,7 @@ fn what_comes_and_goes_over_triangles_has_the_same_bits() {
     assert_same_result(&alone.directory, &directory);
 }
 
-/// Contacts that outlive their overlap, also across the borders of ranks and of the period.
+/// Contacts that persist beyond their overlap, also across the borders of ranks and of the period.
 #[test]
 fn what_sticks_has_the_same_bits_on_any_number_of_ranks() {
     let alone = finished("sticky", Launch::Alone);
@@ -96,13 +96,13 @@ fn what_sticks_has_the_same_bits_on_any_number_of_ranks() {
     }
 }
 
-/// How often pairs were listed, how often the domain was cut, how many particles migrated.
+/// Numbers of rebuilt pair lists, of new cuts, and of migrated particles.
 fn traffic(directory: &Path) -> [u64; 3] {
     let report = report(directory);
     ["rebuilds", "recuts", "migrated"].map(|key| report["ranks"][key].as_u64().unwrap())
 }
 
-/// Bodies of several pieces, of balls and of blocks: also where a run was cut in between, on other numbers of ranks.
+/// Bodies of several pieces, of balls and of blocks, also with a restart on other numbers of ranks.
 #[test]
 fn bodies_of_pieces_have_the_same_bits() {
     let alone = finished("unions", Launch::Alone);

@@ -1,4 +1,4 @@
-//! A signal ends a run with a snapshot from which it goes on as if it had never stopped.
+//! A signal ends a run with a snapshot for an identical continuation.
 
 use super::process::{Launch, dem_mpi, kill, mpirun, signal};
 use super::{assert_same_result, fresh_directory, heap_beyond, scene, snapshot};
@@ -9,15 +9,15 @@ use std::fmt::Write;
 use std::os::unix::process::ExitStatusExt;
 use std::time::{Duration, Instant};
 
-/// The run can go on.
+/// Exit status of a run that can continue.
 const STOPPED: i32 = 3;
-/// Steps between snapshots, by which the moments of the signals are chosen.
+/// Steps between snapshots, which set the times of the signals.
 const EVERY: u64 = 50;
 
-/// Who gets the signal.
+/// Receiver of the signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum To {
-    /// What was started: the program, or mpirun.
+    /// The started program or mpirun.
     Started,
     Rank(u32),
 }
@@ -60,7 +60,8 @@ fn stop(seed: u64, launch: Launch, to: To, name: &str, again: Launch) {
     signal(process, name);
     let ended = running.end();
     let newest = Reader::open(&directory).unwrap().header().step;
-    // mpirun passes the signal on. Then that of Open MPI ends in its own way after SIGTERM, that of MPICH after any.
+    // mpirun passes the signal on. Open MPI's mpirun then ends in its own way after SIGTERM, and MPICH's after any
+    // signal.
     let is_mpich = mpirun().to_string_lossy().contains("mpich");
     let in_its_own_way =
         to == To::Started && launch != Launch::Alone && (is_mpich || name == "TERM");
@@ -78,7 +79,7 @@ fn stop(seed: u64, launch: Launch, to: To, name: &str, again: Launch) {
     assert_same_result(&whole.directory, &directory);
 }
 
-/// A second run into the same directory is refused for as long as the first one lives, however that ends.
+/// A second run into the same directory is rejected while the first one lives, however the first ends.
 #[test]
 fn two_runs_do_not_share_a_directory() {
     let directory = fresh_directory("shared");
@@ -100,7 +101,8 @@ fn two_runs_do_not_share_a_directory() {
     dem_mpi(Launch::Ranks(2), go_on).succeed();
 }
 
-/// Cells behind many triangles take seconds before the first step: a signal ends that, and nothing is written.
+/// The search for cells behind many triangles takes seconds before the first step. A signal ends it, and nothing is
+/// written.
 #[test]
 fn a_signal_ends_the_preparation_at_once() {
     let directory = fresh_directory("signalled_before");

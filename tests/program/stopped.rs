@@ -5,7 +5,7 @@ use super::{fresh_directory, written};
 use dem_mpi::output::snapshot::Reader;
 use std::path::Path;
 
-/// A ball in free fall from a height of 1 m.
+/// Scene of a ball in free fall from a height of 1 m.
 fn falling(directory: &Path, stop: &str) -> String {
     let text = format!(
         r#"
@@ -38,7 +38,7 @@ directory = "out"
 
 #[test]
 fn a_fall_ends_where_its_column_crosses_the_limit() {
-    // Top at 1.01 m - g t²/2, and speed g t, looked at every 100 steps of 1e-5 s.
+    // Top at 1.01 m - g t²/2, and speed g t, checked every 100 steps of 1e-5 s.
     let first_look = |time: f64| (time / 1e-3).ceil() as u64 * 100;
     let by_place = first_look((2.0 * 0.11 / 9.81_f64).sqrt());
     let by_speed = first_look(1.6 / 9.81);

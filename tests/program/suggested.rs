@@ -1,11 +1,11 @@
-//! `--suggest` as a user meets it.
+//! `--suggest` from the command line.
 
 use super::process::{Launch, dem_mpi};
 use super::{fresh_directory, written};
 use crate::support::completed;
 use std::fs;
 
-/// The heap is at rest soon enough for a short trial: two balls and a floor are enough here.
+/// A scene of two balls and a floor, at rest soon enough for a short trial.
 const SCENE: &str = r#"
 gravity = [0.0, 0.0, -9.81]
 [domain]
@@ -63,7 +63,7 @@ fn what_it_prints_can_be_put_into_the_scene() {
     assert!((2e-3..2e-3 + number(&sets[0])).contains(&span), "the stage lasts as long: {span}");
 }
 
-/// The balance of energies of a trial that goes on from a snapshot is that of the trial: balls that lie there miss nothing.
+/// The energy balance of a trial from a snapshot covers only the trial: balls at rest have no energy error.
 #[test]
 fn trials_go_on_from_a_snapshot() {
     let directory = fresh_directory("suggested_from");
@@ -76,7 +76,7 @@ fn trials_go_on_from_a_snapshot() {
     let error = ended.output.lines().find(|line| line.starts_with("error ")).unwrap();
     let energy = error.split("energy ").nth(1).unwrap().split(' ').next().unwrap();
     assert!(energy.parse::<f64>().unwrap() < 0.1, "{ended}");
-    // The steps that are behind count in the stage, with whatever step.
+    // Earlier steps count in the stage, with any time step.
     let number = |name: &str| {
         let line = ended.output.lines().find(|line| line.starts_with(name)).unwrap();
         line.split(" = ").nth(1).unwrap().parse::<f64>().unwrap()

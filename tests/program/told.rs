@@ -1,4 +1,4 @@
-//! What a user asks before a run, and what a run tells: once, however many ranks there are.
+//! Queries before a run, and messages of a run: printed once on any number of ranks.
 
 use super::process::{Launch, dem_mpi};
 use super::{column, fresh_directory, scene};
@@ -35,13 +35,13 @@ fn questions_are_answered_once() {
     }
 }
 
-/// The plan is for as many ranks as are there.
+/// The plan is for the actual number of ranks.
 #[test]
 fn the_plan_knows_the_ranks() {
     dem_mpi(Launch::Ranks(2), [&*scene("heap"), "--plan"]).succeed().said_once("(2 ranks)");
 }
 
-/// Long enough that grains touch walls and each other.
+/// Number of steps until particles touch walls and each other.
 const STEPS: u64 = 700;
 
 #[test]

@@ -1,4 +1,5 @@
-//! A fault on many ranks, found on one: steps are repeated, and a particle is followed.
+//! Search for a fault of a run on many ranks: steps are repeated on one rank, and a particle is
+//! traced.
 
 use super::process::{Launch, dem_mpi};
 use super::{fresh_directory, heap, scene, snapshot};
@@ -6,8 +7,8 @@ use std::collections::BTreeMap;
 
 const STEPS: usize = 40;
 
-/// From a snapshot of a run on four ranks, one rank, three ranks and threads trace the same lines, and
-/// the forces of the contacts add up to that of the particle, bit for bit.
+/// From a snapshot of a run on four ranks, one rank, three ranks and threads give identical traces.
+/// The forces of the contacts add up to that of the particle, bit for bit.
 #[test]
 fn a_trace_is_the_same_on_any_number_of_ranks() {
     let whole = heap(Launch::Ranks(4));

@@ -1,11 +1,11 @@
-//! What a run says of motion that its step does not resolve: warned of, or stopped with what to do.
+//! Motion that the time step does not resolve gives a warning, or stops the run with advice.
 
 use super::process::{Launch, dem_mpi};
 use super::{fresh_directory, report, written};
 use crate::support::completed;
 use std::path::Path;
 
-/// Grains of radius 0.01 m from a CSV text, with a wall at the bottom.
+/// Scene of particles of radius 0.01 m from a CSV text, with a wall at the bottom.
 fn grains(directory: &Path, material: &str, dt: f64, rows: &str) -> String {
     let text = format!(
         r#"
@@ -50,7 +50,7 @@ fn a_ball_that_would_jump_over_another_does_not_start() {
     }
 }
 
-/// Straight columns of a lattice bear the stress, and all that was asked for holds; with a jitter grains come together.
+/// Straight columns of a lattice carry the stress and meet all conditions; with a jitter the particles form a packing.
 #[test]
 fn columns_that_bear_a_stress_are_no_packing() {
     let directory = fresh_directory("hollow");
@@ -88,7 +88,7 @@ unbalanced = 0.01
     ended.said_once("[stop] was reached with 2.00 contacts per particle");
 }
 
-/// Overlaps that a run refuses are found without running.
+/// A check and a plan find overlaps that a run rejects.
 #[test]
 fn overlaps_of_the_start_are_found_by_a_check_and_a_plan() {
     for launch in [Launch::Alone, Launch::Ranks(2)] {
@@ -105,7 +105,7 @@ fn overlaps_of_the_start_are_found_by_a_check_and_a_plan() {
         for word in ["--check", "--plan"] {
             dem_mpi(launch, [&*scene, word]).from(&directory).succeed();
         }
-        // A stage that begins with a snapshot may have a wall in the way.
+        // A wall of a stage that begins with a snapshot may overlap particles.
         dem_mpi(launch, [&*scene, "--steps", "1"]).from(&directory).succeed();
         let text = std::fs::read_to_string(&scene).unwrap();
         let fill = "[[fill.file]]\npath = \"rows.csv\"";
@@ -143,7 +143,7 @@ fn speed_that_comes_in_the_run_is_warned_of_and_stops_it() {
     ended.said_once("more than a tenth");
 }
 
-/// A ball without losses bounces at a coarse step: what the step takes or makes is in the report.
+/// A ball without losses bounces at a coarse step: the report has the energy error of the step.
 #[test]
 fn energy_lost_by_the_step_is_warned_of() {
     let directory = fresh_directory("bouncing");
@@ -163,7 +163,7 @@ fn energy_lost_by_the_step_is_warned_of() {
         assert_eq!(says, warns, "{material} {part}: {ended}");
         // It is printed even without --verbose.
         assert_eq!(of_energy(&ended.output), warns, "{ended}");
-        // While it runs it says so from 1 % on.
+        // During the run the warning appears from 1 % on.
         if material.is_empty() {
             assert_eq!(of_energy(&ended.errors), warns, "{ended}");
         }
@@ -172,7 +172,7 @@ fn energy_lost_by_the_step_is_warned_of() {
     }
 }
 
-/// At 1e6 m from the origin a millimetre per hour is less than positions can tell.
+/// At 1e6 m from the origin a millimetre per hour is below the resolution of positions.
 #[test]
 fn motion_that_rounding_swallows_is_warned_of() {
     let directory = fresh_directory("far");
@@ -182,15 +182,15 @@ fn motion_that_rounding_swallows_is_warned_of() {
     let words = [&*scene, far[0], far[1], far[2], far[3], "--steps", "10"];
     let ended = dem_mpi(Launch::Ranks(2), words).from(&directory).succeed();
     ended.said_once("a particle of a file at 3e-7 m/s up to 100.00 % is rounded off");
-    // Nothing of it near the origin.
+    // There is no warning near the origin.
     let scene = grains(&directory, "", 1e-4, "x,y,z,vx,vy,vz\n0,0,1,3e-7,0,0\n");
     let words = [&*scene, "--steps", "10", "--overwrite"];
     let ended = dem_mpi(Launch::Alone, words).from(&directory).succeed();
     assert!(!ended.errors.contains("rounded off"), "{ended}");
 }
 
-/// A soft surface does not stop a heavy ball or cube, and would push it out on the other side once its centre is through: the run ends before,
-/// however seldom pairs are listed. A hard one stops the ball.
+/// A soft surface does not stop a heavy ball or cube, and would push it out on the other side once its centre is through. The run ends before
+/// that, at any interval of pair lists. A hard surface stops the ball.
 #[test]
 fn what_a_mesh_cannot_stop_ends_the_run() {
     let directory = fresh_directory("through");

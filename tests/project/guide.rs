@@ -1,4 +1,4 @@
-//! The guide says what is so: its scenes can be read, and its keys are there.
+//! The guide is true: its scenes can be read, and its list of keys is complete.
 
 use anyhow::Context;
 use dem_mpi::scene::{Scene, keys};
@@ -7,17 +7,17 @@ use std::fs;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// The blocks of TOML in a page.
+/// TOML blocks of a page.
 fn scenes(page: &str) -> Vec<String> {
     let blocks = page.split("```toml\n").skip(1);
     blocks.map(|rest| rest.split("```").next().unwrap().to_owned()).collect()
 }
 
-/// A part of a scene has its other tables from the first one.
+/// Completes a part of a scene with the other tables of the first scene.
 fn completed(part: &str) -> anyhow::Result<String> {
     let mut scene: Table = fs::read_to_string("run/first/scene.toml")?.parse()?;
     let part: Table = part.parse()?;
-    // A shape of the first scene would need the material of the first scene.
+    // Shapes of a part replace those of the first scene, and the fill then uses only its `ball`.
     if part.contains_key("shape") {
         scene.insert(
             "fill".to_owned(),
@@ -39,7 +39,7 @@ fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
         for (k, block) in scenes(&fs::read_to_string(&path)?).iter().enumerate() {
             let name = format!("{}, block {k}", path.display());
             if block.contains("include =") || block.contains("like =") {
-                // What it takes is not there.
+                // The included files or the earlier stage do not exist here.
                 block.parse::<Table>().with_context(|| name)?;
                 continue;
             }
@@ -52,7 +52,7 @@ fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Tables and keys of a scene file, tables within tables as `fill.rain`.
+/// Tables and keys of a scene file; nested tables have names like `fill.rain`.
 fn named(table: &str, value: &Value, into: &mut BTreeSet<(String, String)>) {
     let all = match value {
         Value::Array(tables) => tables.iter().collect(),
@@ -69,7 +69,7 @@ fn named(table: &str, value: &Value, into: &mut BTreeSet<(String, String)>) {
     }
 }
 
-/// What the program reads is in the list of keys, and what is in the list it reads.
+/// The list of keys contains all keys of the good scenes and, with exceptions below, no others.
 #[test]
 fn the_list_of_keys_is_that_of_scenes() -> anyhow::Result<()> {
     let mut used = BTreeSet::new();
@@ -78,7 +78,7 @@ fn the_list_of_keys_is_that_of_scenes() -> anyhow::Result<()> {
         if path.extension().is_none_or(|e| e != "toml") {
             continue;
         }
-        // Without mistakes, so that each key in it is one that is read.
+        // The scene is valid, so every key in it is read.
         Scene::read(&path, &[]).with_context(|| path.display().to_string())?;
         let scene: Table = fs::read_to_string(&path)?.parse()?;
         for (key, value) in &scene {
@@ -96,9 +96,9 @@ fn the_list_of_keys_is_that_of_scenes() -> anyhow::Result<()> {
         .flat_map(|row| row.names.into_iter().map(move |name| (row.table.clone(), name)))
         .collect();
     let unlisted: Vec<_> = used.difference(&listed).collect();
-    // Of two materials are constants that one has, too.
+    // Interactions have constants that a material has, too.
     let unused = listed.difference(&used).filter(|(table, _)| table != "interaction");
-    // It needs a stage before.
+    // The key `like` needs an earlier stage.
     let unused: Vec<_> = unused.filter(|(_, key)| key != "like").collect();
     assert!(
         unlisted.is_empty() && unused.is_empty(),
@@ -119,7 +119,7 @@ fn keys_are_printed_by_table() {
     assert!(keys::text(Some("domains")).unwrap_err().contains("there are domain, cell, wall"));
 }
 
-/// Openings that hide the subject of a sentence, see the voice of the project's pages.
+/// Sentence openings that hide the subject; the guide's style forbids them.
 #[test]
 fn sentences_begin_with_their_subject() -> anyhow::Result<()> {
     const HIDDEN: [&str; 7] =
@@ -127,7 +127,7 @@ fn sentences_begin_with_their_subject() -> anyhow::Result<()> {
     let mut pages = vec![Path::new("README.md").to_owned(), "benchmarks/README.md".into()];
     for entry in fs::read_dir("src/guide")? {
         let path = entry?.path();
-        // A list of what changed keeps the words of its day.
+        // The list of changes keeps its original wording.
         if path.extension().is_some_and(|e| e == "md") && !path.ends_with("changes.md") {
             pages.push(path);
         }

@@ -1,10 +1,10 @@
-//! The folders are the architecture: a module imports only modules of rows above its own.
+//! The folders are the architecture: a module imports only modules from rows above its own.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Modules by row, as `src/lib.rs` explains them.
+/// Modules by row, in the order of `src/lib.rs`.
 const ROWS: [&[&str]; 17] = [
     &["ids", "math", "lanes", "timing", "files"],
     &["text", "random"],
@@ -36,7 +36,7 @@ fn sources(folder: &Path, into: &mut Vec<PathBuf>) {
     }
 }
 
-/// The modules that a text names after `crate::`, code only.
+/// Modules that the code of a text names after `crate::`.
 fn imports(text: &str) -> Vec<String> {
     text.lines()
         .map(str::trim)
@@ -60,7 +60,7 @@ fn imports_point_up_the_rows() {
     let mut wrong = Vec::new();
     let mut seen = 0;
     for path in files {
-        // The modules of `grains` are those of the program.
+        // The modules of `grains` belong to the program's rows.
         let inside = path.strip_prefix(&root).unwrap();
         let inside = inside.strip_prefix("grains").unwrap_or(inside);
         let module = inside.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
@@ -91,7 +91,7 @@ fn imports_point_up_the_rows() {
     assert!(wrong.is_empty(), "imports against the rows:\n{}", wrong.join("\n"));
 }
 
-/// The names after `super::` that are files or folders beside this one, code only.
+/// Names after `super::` in code that are files or folders beside this one.
 fn neighbours(text: &str, beside: &[String]) -> Vec<String> {
     let code: Vec<&str> = text.split("#[cfg(test)]").next().unwrap_or_default().lines().collect();
     let code = code.into_iter().filter(|line| !line.trim().starts_with("//")).collect::<String>();
@@ -103,7 +103,7 @@ fn neighbours(text: &str, beside: &[String]) -> Vec<String> {
     words.filter(|name| beside.contains(name)).collect()
 }
 
-/// Nor do the files of one folder import each other in a circle.
+/// Files of one folder do not import each other in a circle.
 #[test]
 fn no_circles_within_a_folder() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
@@ -124,7 +124,7 @@ fn no_circles_within_a_folder() {
     let mut seen = 0;
     for (folder, mut open) in folders {
         seen += open.values().map(Vec::len).sum::<usize>();
-        // Whoever imports nobody that is left goes; of a circle nobody ever does.
+        // Removes files that import no remaining file; a circle is never removed.
         loop {
             let left: Vec<String> = open.keys().cloned().collect();
             open.retain(|name, imports| imports.iter().any(|i| i != name && left.contains(i)));

@@ -1,4 +1,4 @@
-//! What the project says of itself: guide, tables, layers.
+//! Checks of the project itself: guide, tables, layers.
 
 mod guide;
 mod layers;

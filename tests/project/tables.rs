@@ -1,6 +1,6 @@
-//! Tables of README.md and benchmarks/README.md that are made of records: text and record agree, digit by digit.
+//! Tables of README.md and benchmarks/README.md from records: text and record agree digit by digit.
 //!
-//! `DEM_TABLES=write cargo test --test main -- tables` writes them anew.
+//! `DEM_TABLES=write cargo test --test main -- tables` writes the tables again.
 
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use std::fs;
 
 const RECORDS: &str = "benchmarks/records/2026-11-peers";
 
-/// A run of a table of times.
+/// A run in a table of times.
 #[derive(Deserialize)]
 struct Run {
     ranks: u32,
@@ -18,7 +18,7 @@ struct Run {
     wall_s: f64,
 }
 
-/// Medians over the rounds of a table of times, in µs per particle-step, by code and ranks.
+/// Medians over the rounds of a table of times [µs per particle-step], by code and ranks.
 fn medians(file: &str, particles: f64) -> BTreeMap<(String, u32), f64> {
     let path = format!("{RECORDS}/{file}");
     let rows = csv::Reader::from_path(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
@@ -35,7 +35,7 @@ fn medians(file: &str, particles: f64) -> BTreeMap<(String, u32), f64> {
     all.into_iter().map(|(key, values)| (key, median(values))).collect()
 }
 
-/// Cases with the tables of their times and their numbers of particles.
+/// Cases with the files of their times and their numbers of particles.
 const CASES: [(&str, &str, f64); 4] = [
     ("20,000 settled spheres with friction", "time.csv", 20_000.0),
     ("980,000 of them", "tiles_7.csv", 980_000.0),
@@ -43,7 +43,7 @@ const CASES: [(&str, &str, f64); 4] = [
     ("19,800 spheres with Hertz and Mindlin in a drum of 1,200 triangles", "drum.csv", 19_800.0),
 ];
 
-/// Million particle-steps per second, by this program and others.
+/// Table of million particle-steps per second, for this program and others.
 fn rates() -> String {
     let codes = ["dem-mpi", "lammps", "liggghts"];
     let mut table = "| | dem-mpi, one core | two | LAMMPS, one | two | LIGGGHTS, one | two |\n|---|---|---|---|---|---|---|\n".to_owned();
@@ -59,7 +59,7 @@ fn rates() -> String {
     table
 }
 
-/// How long a step takes, by this program and others.
+/// Table of the time of a step, for this program and others.
 fn speed() -> String {
     let codes = [
         ("dem-mpi", "dem-mpi"),

@@ -1,8 +1,9 @@
 //! Tests that need MPI. Started without mpirun, this program starts `mpirun -n N` on itself for every
-//! case and N, prints a line for each, and at the end `N passed, N failed`. An argument picks the cases
-//! whose names contain it. The variable `MPIRUN` names another mpirun, such as `mpirun.mpich`.
+//! case and N, and prints a line for each. At the end it prints `N passed, N failed`. An argument
+//! selects the cases whose names contain it. The variable `MPIRUN` names another mpirun, such as
+//! `mpirun.mpich`.
 //!
-//! A case is a function that every rank calls with its end of the communication; it fails by a panic,
+//! A case is a function that every rank calls with its end of the communication. It fails by a panic,
 //! which ends all ranks. A new case is one function and one line of [`CASES`].
 
 #[path = "../comm/cases.rs"]
@@ -16,7 +17,7 @@ use dem_mpi::comm::world::{self, World};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 
-/// What is tested, and on how many ranks.
+/// A test case and its numbers of ranks.
 struct Case {
     name: &'static str,
     ranks: &'static [u32],
@@ -37,12 +38,12 @@ const CASES: &[Case] = &[
     Case { name: "snapshot_same_as_threads", ranks: &[2, 4], run: snapshot::same_as_threads },
 ];
 
-/// A case that takes longer hangs.
+/// Time after which a case counts as hanging.
 const TIME_LIMIT: Duration = Duration::from_secs(60);
 
-/// Names the case to the ranks that mpirun starts.
+/// Variable with the name of the case, for the ranks that mpirun starts.
 const CASE: &str = "DEM_MPI_TEST_CASE";
-/// How many ranks mpirun is asked for.
+/// Variable with the number of ranks that mpirun gets.
 const RANKS: &str = "DEM_MPI_TEST_RANKS";
 
 fn main() -> ExitCode {
@@ -52,7 +53,7 @@ fn main() -> ExitCode {
         let case = CASES.iter().find(|c| c.name == name).expect("a case of the list");
         let mut world = World::new();
         let asked = std::env::var(RANKS).expect("set with the case");
-        // Each would pass alone if mpirun belongs to another MPI than this program.
+        // Each rank would pass alone if mpirun belonged to another MPI than this program.
         assert_eq!(world.size().to_string(), asked, "ranks that know of each other");
         (case.run)(&mut world);
         return ExitCode::SUCCESS;
@@ -79,7 +80,7 @@ fn main() -> ExitCode {
     if failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Runs a case under mpirun, whatever the user and the number of cores.
+/// Runs a case under mpirun, for any user and number of cores.
 fn start(case: &Case, ranks: u32) -> Result<(), String> {
     let this = std::env::current_exe().map_err(|e| format!("who am I? {e}"))?;
     let name = std::env::var("MPIRUN").unwrap_or("mpirun".to_owned());
@@ -104,7 +105,7 @@ fn start(case: &Case, ranks: u32) -> Result<(), String> {
                 std::thread::sleep(Duration::from_millis(20));
             }
             Ok(None) => {
-                // The ranks notice that their mpirun is gone, and end.
+                // The ranks notice the end of their mpirun and end, too.
                 let _ = mpirun.kill();
                 let _ = mpirun.wait();
                 return Err(format!("hangs: ended after {} s", TIME_LIMIT.as_secs()));

@@ -9,7 +9,7 @@ use dem_mpi::output::snapshot::{self, Reader, Way};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A directory that rank 0 made and all ranks know; rank 0 keeps what deletes it.
+/// A directory that rank 0 makes and all ranks know; rank 0 keeps the guard that deletes it.
 fn shared_directory(comm: &mut dyn Comm) -> (PathBuf, Option<tempfile::TempDir>) {
     let made = comm.is_root().then(|| tempfile::tempdir().unwrap());
     let mut name = made.as_ref().map_or(vec![], |d| d.path().to_str().unwrap().as_bytes().to_vec());
@@ -48,8 +48,8 @@ fn read_all(path: &Path) -> Tables {
     }
 }
 
-/// Bit for bit, with an empty rank; twice the same step, as after a restart; then checked by all.
-/// `DEM_MPI_KEEP_SNAPSHOTS` says where to keep the files for another test.
+/// Snapshots are read back bit for bit, with an empty rank, and twice for one step like after a restart. All ranks then check
+/// them. `DEM_MPI_KEEP_SNAPSHOTS` names a folder that keeps the files for another test.
 pub(crate) fn round_trip(comm: &mut dyn Comm) {
     let (directory, _kept) = shared_directory(comm);
     let nested = match std::env::var_os("DEM_MPI_KEEP_SNAPSHOTS") {
@@ -72,8 +72,8 @@ pub(crate) fn round_trip(comm: &mut dyn Comm) {
     }
 }
 
-/// Rows dealt out to any number of ranks make the same files as those of one rank: byte for byte if rank 0 writes, dataset for
-/// dataset if all do, for MPI's HDF5 orders its structures in another way.
+/// Rows dealt out to any number of ranks give the files of one rank. They agree byte for byte if rank 0 writes, and dataset
+/// for dataset if all write. Parallel HDF5 orders its structures differently.
 pub(crate) fn rows_by_id(comm: &mut dyn Comm) {
     let (directory, _kept) = shared_directory(comm);
     let store = |folder: &str, way, tables: &Tables, comm: &mut dyn Comm| {
@@ -105,7 +105,7 @@ pub(crate) fn rows_by_id(comm: &mut dyn Comm) {
     comm.any(false);
 }
 
-/// HDF5 says that it wrote collectively, also if only one rank has rows.
+/// HDF5 reports a collective write, even if only one rank has rows.
 pub(crate) fn is_collective(comm: &mut dyn Comm) {
     let (directory, _kept) = shared_directory(comm);
     let path = directory.join("file.vtkhdf");
@@ -126,8 +126,7 @@ pub(crate) fn is_collective(comm: &mut dyn Comm) {
     stored.verify(comm).unwrap();
 }
 
-/// No directory can be made, the file cannot be created, the disk is too small, a table is wrong: all
-/// ranks get the same error.
+/// All ranks get the same error if the directory or the file cannot be created, the disk is too small, or a table is wrong.
 pub(crate) fn errors_agree(comm: &mut dyn Comm) {
     let (directory, _kept) = shared_directory(comm);
     let file = directory.join("a file");

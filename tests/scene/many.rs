@@ -1,4 +1,4 @@
-//! Scenes with many materials: the same constants as with few, and memory that grows with their number, not with that of their pairs.
+//! Scenes with many materials: constants like with few, and memory that grows with their number, not with that of their pairs.
 
 use crate::support::scene;
 use dem_mpi::ids::MaterialId;
@@ -10,7 +10,7 @@ use dem_mpi::scene::plan::plan;
 use std::fmt::Write;
 use std::path::Path;
 
-/// So many materials, a ball of each. Every other one says nothing of friction, if `silent`.
+/// Scene of `count` materials with a ball of each. Every other one has no friction key if `silent`.
 fn text(count: u32, silent: bool) -> String {
     let mut text = "[domain]\nlow = [0, 0, 0]\nhigh = [1, 1, 1]\n".to_owned();
     let mut names = Vec::new();
@@ -41,7 +41,7 @@ fn text(count: u32, silent: bool) -> String {
     text
 }
 
-/// Of a material with itself [N/m].
+/// Stiffness of a contact between two bodies of the material [N/m].
 fn stiffness(k: u32) -> f64 {
     f64::from(10_000 + 7 * k)
 }
@@ -67,7 +67,7 @@ fn constants_of_many_materials_are_mixed_as_of_few() {
             assert!((of.normal_damping_ratio - mean).abs() < 1e-15, "{count} {a} {b}");
         }
         assert_eq!(constants.iter().count() as u32, count * (count + 1) / 2);
-        // The stiffest partner counts most, however many materials stand before it.
+        // The stiffest partner counts most, however many materials precede it.
         let limit = scene.time_step_limit().expect("balls that touch");
         let [one, other] = [u32::from(limit.shape.0), last].map(stiffness);
         let harmonic = 2.0 * one * other / (one + other);
@@ -76,7 +76,7 @@ fn constants_of_many_materials_are_mixed_as_of_few() {
     }
 }
 
-/// A scene is passed from rank to rank as bytes: those of a material, not of its pairs.
+/// A scene travels between ranks as bytes, in proportion to its materials and not to their pairs.
 #[test]
 fn a_scene_grows_with_its_materials() {
     let bytes = |count| {
@@ -95,7 +95,7 @@ fn what_is_said_of_many_is_short() {
     let all = doubts(&silent);
     let pairs: Vec<_> = all.iter().filter(|doubt| doubt.starts_with("between materials")).collect();
     assert_eq!(pairs.len(), 20, "{all:?}");
-    // Of 150 that give it and 150 that do not; one pair has an interaction that does.
+    // 150 materials have the key and 150 do not; one pair has an interaction with it.
     let one_more = format!("so it is between {} more pairs of materials", 150 * 150 - 20);
     assert!(all.contains(&one_more), "{all:?}");
     let plan = plan(&silent, 1);

@@ -1,4 +1,4 @@
-//! The user's file, read, checked and made a simulation.
+//! Scene files: reading, checks and assembly of a simulation.
 
 mod many;
 mod mutated;

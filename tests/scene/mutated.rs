@@ -1,6 +1,7 @@
 //! Readers of files under mutated input: no panic and no hang, an error or a scene.
 //!
-//! Every file of `tests/corpus` is read as it is, then mutated; it has inputs that once ended in a panic, a hang or silence.
+//! Every file of `tests/corpus` is read unchanged, then mutated. The corpus has inputs that once ended in a panic, a hang or
+//! silence.
 
 use dem_mpi::pairs;
 use dem_mpi::random::Random;
@@ -17,10 +18,10 @@ use std::time::Duration;
 
 /// Mutated inputs of each kind.
 const INPUTS: usize = 350;
-/// One input takes some milliseconds; a loaded machine is slow, too.
+/// Time limit of one input, which takes some milliseconds on an idle machine.
 const LONGEST: Duration = Duration::from_secs(30);
 
-/// What is read, the names of the files in the corpus, and the scene that names the file.
+/// Kinds of input with the scene text that refers to the file; the corpus has a folder of each name.
 const KINDS: [(&str, &str); 6] = [
     ("scene", ""),
     ("csv", "[[fill.file]]\npath = \"FILE\"\n"),
@@ -39,7 +40,7 @@ const KINDS: [(&str, &str); 6] = [
     ("pairs", ""),
 ];
 
-/// The rest of a scene.
+/// Remaining tables of a scene.
 const SCENE: &str = r#"
 [domain]
 low = [-1, -1, -1]
@@ -59,10 +60,10 @@ steps = 10
 directory = "out"
 "#;
 
-/// A folder of scenes that are right.
+/// Folder of valid scenes.
 const SCENES: &str = "scenes/good";
 
-/// Words that change what stands around them.
+/// Words that change the meaning of their surroundings.
 const WORDS: [&str; 40] = [
     "1e308",
     "-1e308",
@@ -117,13 +118,13 @@ impl Mutator {
         WORDS[self.below(WORDS.len())].as_bytes().to_vec()
     }
 
-    /// Some bytes of an input.
+    /// Range of some bytes of an input.
     fn range(&mut self, bytes: &[u8], most: usize) -> std::ops::Range<usize> {
         let begin = self.below(bytes.len() + 1);
         begin..(begin + self.below(most) + 1).min(bytes.len())
     }
 
-    /// The bytes of a number, or none.
+    /// Range of the bytes of a number, or an empty range.
     fn number(&mut self, bytes: &[u8]) -> std::ops::Range<usize> {
         let is_part = |byte: &u8| byte.is_ascii_digit() || b".+-eE".contains(byte);
         let from = self.below(bytes.len() + 1);
@@ -162,7 +163,7 @@ impl Mutator {
     }
 }
 
-/// Reads an input, and does with it what `--plan` does.
+/// Reads an input, and processes it like `--plan`.
 fn read(kind: &str, extra: &str, bytes: &[u8], folder: &Path) {
     if kind == "pairs" {
         let Ok(text) = text::decode(bytes.to_vec()) else { return };
@@ -203,7 +204,7 @@ fn read(kind: &str, extra: &str, bytes: &[u8], folder: &Path) {
     }
 }
 
-/// The files of a kind, by name.
+/// Files of a kind, by name.
 fn corpus(kind: &str) -> Vec<Vec<u8>> {
     let tests = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
     let mut folders = vec![tests.join("corpus").join(kind)];
@@ -217,7 +218,7 @@ fn corpus(kind: &str) -> Vec<Vec<u8>> {
     files.iter().map(|file| fs::read(file).unwrap()).collect()
 }
 
-/// An input that is about to be read, or the panic of the one before.
+/// An input that is about to be read, or the panic of the previous one.
 enum Event {
     Begins(&'static str, Vec<u8>),
     Panicked(&'static str, String),
@@ -269,7 +270,7 @@ fn mutated_files_give_an_error_or_a_scene() {
             Ok(Event::Panicked(kind, why)) => keep(kind, &current[kind], why),
             Err(RecvTimeoutError::Disconnected) => break,
             Err(RecvTimeoutError::Timeout) => {
-                // Kinds that are done are among them.
+                // Finished kinds are among them, too.
                 for (kind, bytes) in &current {
                     keep(kind, bytes, "may hang".to_owned());
                 }

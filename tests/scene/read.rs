@@ -1,4 +1,4 @@
-//! What is read as other programs write it: encodings, line ends, headers; how much of it, how fast, and what is said of mistakes.
+//! Input from other programs: encodings, line ends, headers, amounts, speed, and error messages.
 
 use dem_mpi::math::Vec3;
 use dem_mpi::scene::plan::plan;
@@ -41,7 +41,7 @@ fn folder() -> TempDir {
     tempfile::tempdir().unwrap()
 }
 
-/// A text as programs write it that do not write UTF-8 alone.
+/// Encodings of a text by programs that do not write plain UTF-8 alone.
 fn written(text: &str) -> [Vec<u8>; 6] {
     let units = |unit: fn(u16) -> [u8; 2]| text.encode_utf16().flat_map(unit).collect::<Vec<u8>>();
     [
@@ -62,7 +62,7 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Scene, list of particles and table of a motion are the same in each encoding.
+/// Scene, list of particles and table of a motion are identical in each encoding.
 #[test]
 fn encodings_and_line_ends_change_nothing() {
     let folder = folder();
@@ -84,7 +84,7 @@ fn encodings_and_line_ends_change_nothing() {
         assert_eq!(scene.walls, first.walls);
         assert_eq!(scene.text.lines().collect::<Vec<_>>(), first.text.lines().collect::<Vec<_>>());
     }
-    // Half a unit of UTF-16, none of its marks, and Latin-1.
+    // Half a unit of UTF-16, UTF-16 without a mark, and Latin-1.
     let place = folder.path().join("grains.csv");
     for (bytes, wrong) in [
         (&b"\xff\xfex"[..], "is damaged UTF-16"),
@@ -123,7 +123,7 @@ fn meshes_are_read_however_they_are_written() {
         mesh::triangles(&path).map_err(|error| error.to_string())
     };
     let one = [[Vec3::zeros(), Vec3::x(), Vec3::y()]];
-    // The last corner of a face is another if the first line is lost.
+    // Without the first line, the last corner of the face would be another.
     let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nf 1 2 3\n";
     let stl = format!("solid plate\n{TRIANGLE}endsolid plate\n");
     for bytes in written(obj) {
@@ -151,7 +151,7 @@ fn meshes_are_read_however_they_are_written() {
         .unwrap(),
         one
     );
-    // A face may come before its corners.
+    // A face may precede its corners.
     assert_eq!(read("a.obj", b"f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n").unwrap(), one);
 
     let cut = binary(b"", &one)[..120].to_vec();
@@ -201,7 +201,8 @@ fn meshes_are_read_however_they_are_written() {
     }
 }
 
-/// A polygon of many corners, cut into triangles of which few meet in one corner: cells behind them are found in seconds.
+/// A polygon of many corners is cut into triangles of which few meet in one corner. The search for cells behind them then takes
+/// only seconds.
 #[test]
 fn polygons_may_have_many_corners() {
     let folder = folder();
@@ -230,7 +231,7 @@ fn polygons_may_have_many_corners() {
     assert!(begin.elapsed() < Duration::from_secs(15), "{:?}", begin.elapsed());
 }
 
-/// A text of STL keeps the digits that it has; of a binary one the plan says what is lost.
+/// A text STL keeps its digits; for a binary STL the plan reports the loss.
 #[test]
 fn far_meshes_keep_their_digits_or_are_warned_of() {
     let folder = folder();
@@ -263,7 +264,7 @@ fn far_meshes_keep_their_digits_or_are_warned_of() {
     }
 }
 
-/// Twelve corners of an L, of which two lie within faces of the hull; points on edges of a box are no mistake.
+/// Twelve corners of an L, two of which lie within faces of the hull, are rejected. Points on edges of a box are valid.
 #[test]
 fn corners_within_faces_are_refused() {
     let outline = |points: &[[f64; 2]]| {
@@ -279,7 +280,7 @@ fn corners_within_faces_are_refused() {
         errors.contains("point 3 (the first is 0) lies within a face of the convex hull"),
         "{errors}"
     );
-    // Off by rounding, out of the face and into it.
+    // The corner is off the face by rounding, outwards and inwards.
     for off in [-1e-11, 1e-11] {
         let off = outline(&l).replace("[0.01, 0.01, 0.0]", &format!("[0.01, 0.01, {off:e}]"));
         assert!(refused(&off, Path::new("")).contains("lies within a face"));
@@ -303,7 +304,7 @@ fn what_once_panicked_is_refused() {
         let errors = Scene::parse(&text, "scene.toml", folder.path(), &[change.to_owned()]);
         assert!(errors.unwrap_err().to_string().contains("--set"), "{change}");
     }
-    // Each length that a scene may have.
+    // Each length of a scene.
     let wall = |wall: &str| format!("{text}[[wall]]\nname = \"w\"\n{wall}\n");
     for far in ["1e31", "-1e200", "1e308"] {
         for text in [
@@ -328,7 +329,7 @@ fn what_once_panicked_is_refused() {
     }
 }
 
-/// Many mistakes are counted, long values cut short, and nothing a terminal obeys is printed.
+/// Many errors are counted, long values are cut short, and control characters are not printed.
 #[test]
 fn messages_are_short_and_plain() {
     let mut text = format!("{REST}{BALL}{ONE}");
@@ -380,7 +381,7 @@ fn messages_are_short_and_plain() {
     }
 }
 
-/// Negative values of options are refused as values.
+/// Negative values of options are rejected as values.
 #[test]
 fn negative_numbers_are_values() {
     let folder = folder();
@@ -406,7 +407,7 @@ fn negative_numbers_are_values() {
     }
 }
 
-/// Time grows with the length of files.
+/// The time of reading grows linearly with the length of files.
 #[test]
 fn long_files_are_read_in_linear_time() {
     let folder = folder();
@@ -427,7 +428,7 @@ fn long_files_are_read_in_linear_time() {
          table = \"shake.csv\"\n"
     );
     parse(&moved, folder.path()).unwrap();
-    // Each row with a mistake, of which a message has the line.
+    // Each row has an error, and the message gives the line.
     fs::write(folder.path().join("shake.csv"), shake.replace("\n0.", "\nx0.")).unwrap();
     let errors = refused(&moved, folder.path());
     assert!(
@@ -444,7 +445,8 @@ fn long_files_are_read_in_linear_time() {
     assert!(begin.elapsed() < Duration::from_secs(30), "{:?}", begin.elapsed());
 }
 
-/// Places in mm beside radii in m: refused before all pairs are listed. Particles that overlap here and there are for the run.
+/// Positions in mm with radii in m are rejected before all pairs are listed. A few overlapping particles are left to the checks of
+/// the run.
 #[test]
 fn crowds_are_refused_early() {
     let folder = folder();
@@ -470,7 +472,7 @@ fn crowds_are_refused_early() {
     }
 }
 
-/// Pairs whose numbers would overflow are refused; a byte order mark is no number.
+/// Pairs whose numbers would overflow are rejected. A byte order mark is ignored.
 #[test]
 fn pairs_are_numbers() {
     let folder = folder();
@@ -495,7 +497,7 @@ fn pairs_are_numbers() {
     for bytes in &written(&sphere("0.5"))[1..] {
         assert_eq!(run(bytes).stdout, expected.stdout);
     }
-    // A pair so far apart has no answer.
+    // A pair this far apart has no answer.
     assert_eq!(run(ellipsoid("1", "1e200").as_bytes()).status.code(), Some(1));
     for text in [
         sphere("1e154"),
@@ -515,7 +517,7 @@ fn pairs_are_numbers() {
     }
 }
 
-/// A folder that cannot be is no fault of the disk.
+/// An impossible folder is an input error and not a disk error.
 #[test]
 fn folders_that_cannot_be_are_named() {
     let folder = folder();

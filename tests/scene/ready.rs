@@ -1,11 +1,11 @@
-//! The ready scenes with surfaces, made small: equal bits on any number of ranks and across a restart, while grains touch the
-//! surfaces and each other.
+//! The ready scenes with surfaces at a reduced size. Bits are identical on any number of ranks and across a restart while
+//! particles touch the surfaces and each other.
 
 use crate::support::{OnRanks, State};
 use dem_mpi::scene::Scene;
 use std::path::Path;
 
-/// A scene of `run` with these keys changed, after so many steps.
+/// Final state of a scene of `run` with these keys changed, after a number of steps.
 fn small(name: &str, keys: &[&str], steps: u64) -> State {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("run").join(name).join("scene.toml");
     let keys: Vec<String> = keys.iter().map(|&key| key.to_owned()).collect();

@@ -1,4 +1,4 @@
-//! Particles at random places that do not touch.
+//! Particles at random positions without contact.
 
 use crate::support::scene;
 use dem_mpi::math::Vec3;
@@ -6,7 +6,7 @@ use dem_mpi::particles::records::Particle;
 use dem_mpi::scene::{Scene, packing};
 use std::path::Path;
 
-/// The particles of the scene of the tests, with other words.
+/// Particles of the scene of these tests, with changed keys.
 fn particles(changes: &[&str]) -> (Scene, Vec<Particle>) {
     let changes: Vec<String> = changes.iter().map(|&change| change.to_owned()).collect();
     let scene = Scene::read(Path::new("tests/scenes/good/scattered.toml"), &changes).unwrap();
@@ -27,7 +27,7 @@ fn no_bounding_balls_touch_and_the_amount_is_as_asked() {
         assert!(one.position.z > radius(one) && one.position.z < 0.12 - radius(one));
         assert!(one.position.x >= 0.0 && one.position.x < 0.1);
     }
-    // The last one goes over the fraction.
+    // The last particle exceeds the fraction.
     let (first, second) = all.split_at(all.len() - 20);
     let share = first.iter().map(volume).sum::<f64>() / (0.1 * 0.08 * 0.1);
     let largest = first.iter().map(volume).fold(0.0, f64::max) / (0.1 * 0.08 * 0.1);
@@ -36,11 +36,11 @@ fn no_bounding_balls_touch_and_the_amount_is_as_asked() {
     assert!(second.iter().all(|p| p.shape.index() == 1));
     let of_eggs: f64 = first.iter().filter(|p| p.shape.index() == 1).map(volume).sum();
     let of_all: f64 = first.iter().map(volume).sum();
-    // A third by mass, of some hundred grains.
+    // A third by mass, among some hundred particles.
     assert!((of_eggs / of_all - 1.0 / 3.0).abs() < 0.1, "{}", of_eggs / of_all);
 }
 
-/// Centres in the middle of a box that repeats are as likely anywhere: eight octants have an eighth each.
+/// Centres in a periodic box are uniform: each of eight octants has an eighth.
 #[test]
 fn places_are_even_and_follow_the_seed() {
     let text = |seed: u32| {
@@ -56,7 +56,7 @@ fn places_are_even_and_follow_the_seed() {
     for octant in 0..8 {
         let is_in = |p: &&Vec3| (0..3).all(|axis| (p[axis] > 0.5) == (octant >> axis & 1 == 1));
         let count = one.iter().filter(is_in).count() as f64;
-        // Four standard deviations of independent places.
+        // Four standard deviations of independent positions.
         assert!((count - 1000.0).abs() < 120.0, "{octant}: {count}");
     }
 }

@@ -1,5 +1,5 @@
-//! Scene files: what is wrong with them is said, all of it, at the right place; what they mean comes
-//! out; the particles they describe are where they should be.
+//! Scene files: all errors are reported at the right place, valid files have the right meaning, and their particles are in
+//! the right positions.
 
 use crate::support::{begun, close, save, scene};
 use anyhow::{Context, Result};
@@ -27,7 +27,7 @@ use dem_mpi::walls::Wall;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The constants of linear contacts.
+/// Constants of linear contacts.
 fn interactions(scene: &Scene) -> &Interactions {
     &scene.law.linear().expect("linear contacts").interactions
 }
@@ -52,8 +52,7 @@ fn files_below(folder: &Path, ending: &str) -> Vec<PathBuf> {
     files
 }
 
-/// The messages that a file carries on `#^` lines, each below the line it is about; on top those
-/// about the file as a whole.
+/// Messages on the `#^` lines of a file, each below the line it is about. Messages at the top are about the whole file.
 fn expected(text: &str) -> Vec<(Location, String)> {
     let mut place = Location::File;
     let mut messages = Vec::new();
@@ -96,7 +95,7 @@ fn good_scenes_pass_and_survive_the_wire() -> Result<()> {
     Ok(())
 }
 
-/// A surface of triangles is on its way once, and wall and library have it in common again where it arrives.
+/// A surface of triangles is sent once, and wall and library share it on arrival.
 #[test]
 fn a_surface_is_sent_and_held_once() -> Result<()> {
     let scene = Scene::read(Path::new("tests/scenes/good/mesh_walls.toml"), &[])?;
@@ -117,7 +116,7 @@ fn a_surface_is_sent_and_held_once() -> Result<()> {
     Ok(())
 }
 
-/// Sizes of what the meshes hold, and where the plan says their axes lie.
+/// Sizes of meshes, and the direction of their axes in the plan.
 #[test]
 fn solids_are_read() -> Result<()> {
     let scene = Scene::read(Path::new("tests/scenes/good/solids.toml"), &[])?;
@@ -145,7 +144,7 @@ fn solids_are_read() -> Result<()> {
     Ok(())
 }
 
-/// What is meant otherwise than it is written, most often.
+/// The most frequent mistakes of units give a warning.
 #[test]
 fn other_units_are_doubtful() -> Result<()> {
     let doubts_with = |scene: &str, overrides: &[&str]| -> Result<Vec<String>> {
@@ -175,7 +174,7 @@ fn other_units_are_doubtful() -> Result<()> {
     Ok(())
 }
 
-/// A step of the program's own, and steps that make up a duration.
+/// The automatic step, and the number of steps of a duration.
 #[test]
 fn steps_and_duration() -> Result<()> {
     let path = Path::new("tests/scenes/good/solids.toml");
@@ -189,7 +188,7 @@ fn steps_and_duration() -> Result<()> {
         let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
         Scene::read(path, &overrides).map_err(|error| error.to_string())
     };
-    // A whole number of steps, though the quotient of the decimal numbers is not.
+    // The number of steps is whole, though the quotient of the decimal numbers is not.
     let scene = read(&["time.step=1e-6", "time.duration=7e-6"]).unwrap();
     assert_eq!((scene.dt, scene.steps), (1e-6, 7));
     for (overrides, message) in [
@@ -204,7 +203,7 @@ fn steps_and_duration() -> Result<()> {
     Ok(())
 }
 
-/// Whatever stands behind a key, the answer is a scene or a list of mistakes, never a panic.
+/// Any value of a key gives a scene or a list of errors, never a panic.
 #[test]
 fn odd_values_never_panic() -> Result<()> {
     let folder = Path::new("tests/scenes/good");
@@ -315,7 +314,7 @@ fn every_key_arrives() {
             "brick", "pebble", "-y", "+y", "-z", "lid", "trough", "trough", "flap", "piston"
         ]
     );
-    // Held particles have shapes of their own.
+    // Held particles have additional shapes in the library.
     assert_eq!((library.particle_shapes, library.own_shapes()), (12, 6));
     assert!(library.mass_felt[12..19].iter().all(|&mass| mass == f64::INFINITY));
     assert_eq!(library.mass_felt[19], 0.2);
@@ -387,7 +386,7 @@ fn rain_falls_from_the_side_that_gravity_pulls_away_from() -> Result<()> {
     Ok(())
 }
 
-/// `2 / ω` with `ω² = 2 · 7/2 k / m` for two balls without dashpots: of more there are not.
+/// `2 / ω` with `ω² = 2 · 7/2 k / m` for two balls without dashpots, as there are no others.
 #[test]
 fn the_stable_step_of_balls_is_known() -> Result<()> {
     let path = Path::new("tests/scenes/good/two_balls.toml");
@@ -503,7 +502,7 @@ fn files(files: &[(&str, &str)]) -> tempfile::TempDir {
     folder
 }
 
-/// Where the mistakes of a scene in a folder are, without the folder, and the mistakes.
+/// Places, relative to the folder, and messages of the errors of a scene.
 fn mistakes(folder: &Path, scene: &str, overrides: &[&str]) -> Vec<String> {
     let overrides: Vec<String> = overrides.iter().map(|&text| text.to_owned()).collect();
     let errors = Scene::read(&folder.join(scene), &overrides).expect_err(scene).to_string();
@@ -511,7 +510,7 @@ fn mistakes(folder: &Path, scene: &str, overrides: &[&str]) -> Vec<String> {
     errors.lines().skip(1).map(|line| line.replace(&folder, "")).collect()
 }
 
-/// A scene of three files, in two folders, is that which says all by itself; so is the text that snapshots have.
+/// A scene of three files in two folders equals the scene in one file, and so does the text in snapshots.
 #[test]
 fn included_files_are_merged() -> Result<()> {
     let path = Path::new("tests/scenes/good/parts.toml");
@@ -547,7 +546,7 @@ fn included_files_are_merged() -> Result<()> {
     assert_eq!(without(saved), without(expected.clone()));
     assert_eq!(without(scene), without(expected));
 
-    // A saved scene may be a part, too: it says where its files are.
+    // A saved scene may be included, too: its paths are complete.
     let part = files(&[("saved.toml", &scene_text), ("scene.toml", "include = \"saved.toml\"\n")]);
     let of_saved = Scene::read(&part.path().join("scene.toml"), &[])?;
     assert_eq!(of_saved.walls.len(), 3);
@@ -562,7 +561,7 @@ fn included_files_are_merged() -> Result<()> {
 /// A scene that includes a part.
 const WITH_PART: &str = "include = \"part.toml\"\n[time]\nstep = 1e-5\nsteps = 1\n[output]\ndirectory = \"out\"\n\
     [[fill.lattice]]\nfirst = [0.05, 0.05, 0.05]\ncount = [1, 1, 1]\n";
-/// That part.
+/// Text of that part.
 const PART: &str = "[domain]\nlow = [0, 0, 0]\nhigh = [0.1, 0.1, 0.1]\n\
     [[material]]\nname = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4\n\
     [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.01\n";
@@ -634,7 +633,7 @@ fn mistakes_of_included_files_have_their_places() {
     assert!(found[0].contains("is too much: a scene has at most 100 files, and 16"), "{found:?}");
 }
 
-/// A stage whose scene is like that of the stage before, in another folder, with a mesh.
+/// A stage that is `like` the previous one, in another folder, with a mesh.
 #[test]
 fn a_stage_may_be_like_the_one_before() -> Result<()> {
     let stl = include_str!("../scenes/good/box.stl");
@@ -669,7 +668,7 @@ fn a_stage_may_be_like_the_one_before() -> Result<()> {
     let (like, copied) = (read("like.toml")?, read("copied.toml")?);
     assert!(!like.text.contains("like"), "{}", like.text);
     assert_eq!(without(like.clone()), without(copied));
-    // It goes on where the stage before is gone, from a snapshot of its own.
+    // It continues without the previous stage from its own snapshot.
     let own_out = folder.path().join("next");
     save(&begun(&before, &mut comm), &own_out, &like, &mut comm);
     std::fs::remove_dir_all(&out)?;
@@ -694,7 +693,7 @@ fn a_stage_that_is_like_none_says_so() -> Result<()> {
     let found = mistakes(nowhere.path(), "scene.toml", &[]);
     assert!(found[0].contains("there is no snapshot at out/nowhere"), "{found:?}");
 
-    // A snapshot that was made without a scene, and a mistake in the one that it has.
+    // A snapshot without a scene, and one whose scene has an error.
     let text =
         format!("{PART}{own}[[fill.lattice]]\nfirst = [0.05, 0.05, 0.05]\ncount = [1, 1, 1]\n");
     let before = scene(&text);
@@ -720,7 +719,7 @@ fn a_stage_that_is_like_none_says_so() -> Result<()> {
 
 // --- particles ---
 
-/// No two bounding spheres overlap, nor with a periodic image.
+/// Checks that no two bounding spheres overlap, including periodic images.
 fn assert_apart(particles: &[Particle], library: &Library, period: &Vec3) {
     let radius = |p: &Particle| library.shapes[p.shape.index()].bounding_radius() * p.scale;
     for (k, a) in particles.iter().enumerate() {
@@ -749,7 +748,7 @@ fn a_lattice_fills_its_box_and_nothing_overlaps() -> Result<()> {
     Ok(())
 }
 
-/// Without corners a lattice fills the domain; a jitter moves each particle, by no more than it says.
+/// Without corners a lattice fills the domain. A jitter moves each particle within its limit.
 #[test]
 fn a_lattice_without_corners_takes_the_domain() -> Result<()> {
     const BOX: &str = "[domain]\nlow = [0, 0, 0]\nhigh = [0.1, 0.1, 0.1]\n\
@@ -765,7 +764,7 @@ fn a_lattice_without_corners_takes_the_domain() -> Result<()> {
     assert!((still[0].position - Vec3::repeat(0.0125)).norm() < 1e-16);
     let ways: Vec<Vec3> = still.iter().zip(&moved).map(|(a, b)| b.position - a.position).collect();
     assert!(ways.iter().all(|way| way.amax() <= 2e-3 && way.amax() > 0.0), "{ways:?}");
-    // Uniform along each axis: the mean square is a third of the limit's.
+    // A uniform distribution along each axis has a mean square of a third of the squared limit.
     let squares = ways.iter().map(Vec3::norm_squared).sum::<f64>() / (3.0 * ways.len() as f64);
     assert!((squares / (4e-6 / 3.0) - 1.0).abs() < 0.2, "{squares:e}");
     assert!(still.iter().zip(&moved).all(|(a, b)| a.quaternion == b.quaternion));
@@ -849,14 +848,14 @@ directory = "out"
     ))
 }
 
-/// An inlet, and rain.
+/// Text of an inlet, and of rain.
 const FLOWS: [&str; 2] = [
     "[[inlet]]\nname = \"tap\"\nlow = [0, 0, 0.08]\nhigh = [0.1, 0.1, 0.09]\nrate = 10",
     "[fill.rain]\ncount = 20_000",
 ];
 
-/// A ball of lead weighs 8000 * 2^3 / 2500 times one of glass, and glass under a law of sizes its mean cube times as much:
-/// (a + b)(a^2 + b^2) / 4 if any scale from a to b is as likely by number, 2 (a b)^2 / (a + b) by mass.
+/// A ball of lead has 8000 * 2^3 / 2500 times the mass of a glass ball. A size distribution multiplies the mass of glass by
+/// its mean cube. Uniform scales from a to b by number give (a + b)(a^2 + b^2) / 4. By mass they give 2 (a b)^2 / (a + b).
 #[test]
 fn shares_by_mass_are_shares_by_number_over_mean_masses() {
     let (lead, [a, b]) = (64_000.0 / 2500.0, [0.5, 1.5_f64]);
@@ -896,7 +895,7 @@ fn shares_by_mass_are_shares_by_number_over_mean_masses() {
     }
 }
 
-/// A shape that is alone has all, and a plan has the shares by number and by mass.
+/// A single shape has the whole share, and a plan has the shares by number and by mass.
 #[test]
 fn a_plan_has_the_shares_of_a_mix() {
     let of = |shapes: &str| two_weights(shapes, "", FLOWS[0]);
@@ -910,8 +909,8 @@ fn a_plan_has_the_shares_of_a_mix() {
     assert!(!plan(&alone, 1).contains("shares by"));
 }
 
-/// The mass of lead among 20,000 grains of rain is what was asked for, within five standard errors of a ratio of sums:
-/// sqrt(sum of (m (1 or 0 - R))^2) / sum of m.
+/// The mass of lead among 20,000 particles of rain is the requested one, within five standard errors. The standard error of
+/// a ratio of sums is sqrt(sum of (m (1 or 0 - R))^2) / sum of m.
 #[test]
 fn shares_by_mass_are_met_by_what_rains() {
     for by in ["number", "mass"] {
@@ -1036,7 +1035,7 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
     Ok(())
 }
 
-/// On one lattice nothing would touch; two in each other's gaps collide.
+/// Particles on one lattice would never touch, which gives a warning; two interpenetrating lattices collide.
 #[test]
 fn a_sheared_lattice_that_never_touches_is_doubtful() -> Result<()> {
     let text = std::fs::read_to_string("run/shear/scene.toml")?;
@@ -1054,8 +1053,8 @@ fn a_sheared_lattice_that_never_touches_is_doubtful() -> Result<()> {
     Ok(())
 }
 
-/// 48 balls fall from rest in three layers of a slab of 10 mm: each needs 45.15 ms to leave it, 452 steps of 100 µs, which
-/// are three times the 200 between layers. The first one appears after 200.
+/// 48 balls fall from rest in three layers of a slab of 10 mm. Each layer needs 45.15 ms to leave it: 452 steps of 100 µs,
+/// which are three times the 200 steps between layers. The first one appears after 200 steps.
 #[test]
 fn the_plan_counts_the_steps_that_rain_needs() -> Result<()> {
     let with_steps = |set: &str| -> Result<String> {
@@ -1082,7 +1081,7 @@ fn the_plan_counts_the_steps_that_rain_needs() -> Result<()> {
     Ok(())
 }
 
-/// What one material of two that can touch does not say is doubtful, unless an `[[interaction]]` says it; of each pair once.
+/// A key of only one of two materials that can touch gives one warning per pair, unless an `[[interaction]]` has the key.
 #[test]
 fn keys_of_one_material_alone_are_doubtful() -> Result<()> {
     let text = r#"
@@ -1130,13 +1129,13 @@ count = [1, 1, 1]
          as of the other, as \"steel\" gives none; `rolling_friction` is 0, as \"steel\" gives none; `surface_energy` is 0, as \"steel\" gives \
          none: give it there, as 0 (`restitution` as 1) if that is meant, or in an [[interaction]] of both"
     );
-    // In any order, and in part.
+    // The interaction names the materials in another order and gives a part of the keys.
     let both = "[[interaction]]\nbetween = [\"steel\", \"glass\"]\nfriction = 0.1\n";
     let [doubt] = &doubts_of(both)?[..] else { panic!("{:?}", doubts_of(both)?) };
     assert!(!doubt.contains("`friction`") && doubt.contains("`rolling_friction` is 0"), "{doubt}");
     let all = "restitution = 0.4\nrolling_friction = 0\nsurface_energy = 0.01\n";
     assert_eq!(doubts_of(&(both.to_owned() + all))?, Vec::<String>::new());
-    // Grains of steel meet the wall of steel, too, which is one material; grains of gold say all there is.
+    // Particles of steel also meet the wall of steel, which is one material; particles of gold have all keys.
     let grains = "[[shape]]\nname = \"MATERIAL\"\nmaterial = \"MATERIAL\"\nkind = \"sphere\"\nradius = 0.01\n";
     for material in ["steel", "gold"] {
         assert_eq!(doubts_of(&grains.replace("MATERIAL", material))?.len(), 1, "{material}");
@@ -1144,7 +1143,7 @@ count = [1, 1, 1]
     Ok(())
 }
 
-/// Bodies are to rest beside a wall that never stops; `[stop]` is looked at too late.
+/// Warnings: a condition of rest beside a wall that never stops, and a first check of `[stop]` after the end.
 #[test]
 fn a_stop_that_may_never_hold_is_doubtful() -> Result<()> {
     let text = r#"
@@ -1185,7 +1184,7 @@ normal = [0, 0, -1]
         let told = "[stop] has `unbalanced`, which is of bodies that come to rest, and wall \"lid\" never stops";
         assert!(matches!(&doubts[..], [doubt] if doubt.starts_with(told)), "{moving}: {doubts:?}");
     }
-    // What ends by itself, or by the grains.
+    // Motions that end by themselves, or that the particles stop.
     let flap = "[[motion]]\nwalls = [\"lid\"]\nabout = [0.5, 0.5, 0.9]\naxis = [0, 0, 1]\ntable = \"flap.csv\"\n";
     let free = format!("velocity = [0, 0, -0.01]\n{motion}mass = 0.1\n");
     for good in [String::new(), flap.to_owned(), free] {

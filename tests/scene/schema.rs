@@ -1,4 +1,4 @@
-//! The schema of scenes: it refuses what the reader refuses of a single table, and nothing else.
+//! The schema of scenes rejects exactly the values of a single table that the reader rejects.
 
 use anyhow::{Context, Result};
 use dem_mpi::contact::ErodedGjk;
@@ -28,7 +28,7 @@ fn read(path: &Path) -> Result<Value> {
     Ok(serde_json::to_value(scene)?)
 }
 
-/// Does a value keep to a schema? Knows the keywords of draft 7 that the schema of scenes has, and no others.
+/// Whether a value satisfies a schema. Supports only the keywords of draft 7 that the schema of scenes has.
 fn keeps(value: &Value, schema: &Value) -> bool {
     let Value::Object(schema) = schema else { return schema == &Value::Bool(true) };
     schema.iter().all(|(keyword, asked)| keeps_one(value, schema, keyword, asked))
@@ -100,13 +100,13 @@ fn good_scenes_keep_to_the_schema() -> Result<()> {
     Ok(())
 }
 
-/// Messages of the reader about what a schema can see.
+/// Whether a message of the reader is about an error that a schema can detect.
 fn is_of_form(message: &str) -> bool {
     let says = |word: &str| message.contains(word);
     says("no such key") || says("no such choice") || says(": must be ") && says_form(message)
 }
 
-/// Not that of a rule of the reader.
+/// Whether a message is about the form of a value and not about another rule.
 fn says_form(message: &str) -> bool {
     ["a ", "true", "the path", "\""]
         .iter()
@@ -144,7 +144,8 @@ fn names(schema: &Value, into: &mut BTreeSet<String>) {
     }
 }
 
-/// A key that is read and not in the table ends the program; one that is in the table has its name in the code that reads it.
+/// A key that the reader requests but the table lacks ends the program. This test covers the reverse: every name in the table
+/// occurs in the code.
 #[test]
 fn every_key_of_the_table_is_read() -> Result<()> {
     let mut sources = String::new();
@@ -179,7 +180,7 @@ fn ranges_of_the_table_are_those_of_the_code() {
     assert_eq!(at(increment), Some(ErodedGjk::LEAST_INCREMENT));
 }
 
-/// Values of all kinds, of which each key takes some.
+/// Values of all kinds, of which each key accepts some.
 fn samples() -> Vec<Value> {
     let mut all: Vec<Value> = [-1.0, 0.0, 0.3, 1.9].map(|x| json!(x)).into();
     all.extend([json!(true), json!("no such word"), json!(""), json!([]), json!({})]);
@@ -211,7 +212,7 @@ fn changed(scene: &Value) -> Vec<(String, Value)> {
 fn collect(value: &Value, path: &str, into: &mut Vec<String>) {
     let inside: Vec<(String, &Value)> = match value {
         Value::Object(table) => table.iter().map(|(key, value)| (key.clone(), value)).collect(),
-        // The first of a list stands for all.
+        // The first item represents the list.
         Value::Array(list) => list.iter().take(1).map(|value| ("0".to_owned(), value)).collect(),
         _ => Vec::new(),
     };
@@ -227,8 +228,8 @@ fn to_toml(scene: &Value) -> Result<String> {
     Ok(toml::to_string(&table)?)
 }
 
-/// What the schema refuses the reader refuses; what the reader finds wrong with the type, the range or the name of a value
-/// the schema refuses. Tried with every key of the good scenes.
+/// The reader rejects every scene that the schema rejects. The schema rejects every wrong type, range or name that the reader
+/// finds. All keys of the good scenes are tried.
 #[test]
 fn the_schema_says_what_the_reader_says() -> Result<()> {
     let (schema, folder) = (schema::schema(), Path::new("tests/scenes/good"));

@@ -1,4 +1,4 @@
-//! `--suggest`: what it proposes is held against closed forms.
+//! `--suggest`: its proposals against closed forms.
 
 use dem_mpi::scene::suggest::{FIRST, Question, Trials, Unanswered, Variant, suggest};
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ const DENSITY: f64 = 2500.0;
 const STIFFNESS: f64 = 1e4;
 const GRAVITY: f64 = 9.81;
 
-/// Three balls that just touch the floor swing on it without loss, three periods of the softest.
+/// Three balls that just touch the floor oscillate on it without loss, for three periods of the softest.
 fn swinging() -> String {
     format!(
         r#"
@@ -43,13 +43,13 @@ history_every = 10
     )
 }
 
-/// Of a ball on the spring of its contact with the floor [rad/s].
+/// Angular frequency of a ball on the spring of its contact with the floor [rad/s].
 fn frequency() -> f64 {
     let mass = 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3) * DENSITY;
     (STIFFNESS / mass).sqrt()
 }
 
-/// A scene's file, in a folder that goes with the test.
+/// Writes a scene's file into a temporary folder.
 fn file(text: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.toml");
@@ -61,8 +61,8 @@ fn asked<'a>(scene: &'a Path, error: f64, signal: &'a AtomicUsize) -> Question<'
     Question { scene, overrides: &[], start: None, error, signal }
 }
 
-/// Stress times volume of three balls, in the mean over the moments that a trial looks at [J]: a ball that is let go where it
-/// touches has the overlap `(1 - cos ωt) mg/k`.
+/// Mean of stress times volume of three balls over the sampled steps of a trial [J]. A ball released at touch has the overlap
+/// `(1 - cos ωt) mg/k`.
 fn exact(trials: &Trials, steps: u64, dt: f64) -> f64 {
     let mass = STIFFNESS / frequency().powi(2);
     let moments = (1..=steps).filter(|&k| k > steps - steps / 5);
@@ -87,14 +87,14 @@ fn a_proposed_step_keeps_its_error_against_a_closed_form() {
         let branch = 1e-4;
         assert!(off <= found.expected.stress + branch, "{off:e}: {}", found.text);
         assert!(off <= error, "{off:e} of {error}: {}", found.text);
-        // The longest step would have kept 5 %, and would not have kept a tenth of a percent.
+        // The longest step would meet 5 % but not a tenth of a percent.
         let of_coarsest = (coarsest.stress / exact - 1.0).abs();
         assert!((1e-3..0.05).contains(&of_coarsest), "{of_coarsest:e}");
         assert_eq!(found.run.dt == coarsest.dt, 4.0 * of_coarsest < error, "{}", found.text);
     }
 }
 
-/// Central differences are of second order: so are the differences on which the estimate stands.
+/// Central differences are of second order, and so are the differences that the estimate uses.
 #[test]
 fn answers_converge_with_the_square_of_the_step() {
     let ((_folder, file), signal) = (file(&swinging()), AtomicUsize::new(0));
@@ -108,7 +108,7 @@ fn answers_converge_with_the_square_of_the_step() {
     assert!(trials.limit() * FIRST >= trials.run(&Variant::of(0)).unwrap().dt);
 }
 
-/// The same question has the same answer, up to the time that trials take.
+/// A repeated question has the same answer, except for the time of the trials.
 #[test]
 fn a_proposal_is_the_same_again() {
     let ((_folder, file), signal) = (file(&swinging()), AtomicUsize::new(0));

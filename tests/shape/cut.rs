@@ -1,4 +1,4 @@
-//! Meshes of any form, cut into convex pieces; and that these stay.
+//! Meshes of any form, cut into convex pieces that later stages keep.
 
 use super::unions::{ELL, JACK, has, obj_of_cubes};
 use crate::support::{begun, completed};
@@ -21,7 +21,7 @@ fn file(folder: &Path, places: &[[f64; 3]]) -> PathBuf {
     path
 }
 
-/// A scene of a body that is cut from a mesh.
+/// Scene of a body that is cut from a mesh.
 fn cut(path: &Path, more: &str) -> String {
     let path = path.display().to_string();
     completed(&format!(
@@ -38,7 +38,7 @@ fn union_of(scene: &Scene) -> &Union {
     body
 }
 
-/// Volume and moments are the mesh's, and pieces are no more than asked for.
+/// Volume and moments are the mesh's, and the number of pieces is at most the requested one.
 #[test]
 fn a_mesh_is_cut_into_pieces() {
     let folder = tempfile::tempdir().unwrap();
@@ -55,14 +55,14 @@ fn a_mesh_is_cut_into_pieces() {
             "{body:?}"
         );
     }
-    // Halves of halves would be eight.
+    // Repeated halving would give eight pieces.
     let stone = format!("{}/run/stones/stone.obj", env!("CARGO_MANIFEST_DIR"));
     let text = cut(Path::new(&stone), "").replace("pieces = 8", "pieces = 5\ntolerance = 0.1");
     let scene = read(&text);
     let body = union_of(&scene);
     assert_eq!(body.pieces().len(), 5);
     assert!(body.error().abs() < 0.02 && body.far() < 0.07 * body.bounding_radius(), "{body:?}");
-    // The plan names the library that is built in.
+    // The plan names the library with its version.
     let manifest = include_str!("../../Cargo.toml");
     let (_, version) = manifest.split_once("parry3d-f64 = { version = \"").expect("a library");
     let version = &version[..version.find('"').expect("a version")];
@@ -73,14 +73,14 @@ fn a_mesh_is_cut_into_pieces() {
     assert!(refused.contains("more than `tolerance` = 0.01: take more `pieces`"), "{refused}");
 }
 
-/// The stage goes on with the pieces that its snapshot has, whatever the library would make of the mesh now.
+/// A stage keeps the pieces of its snapshot, even if the library would now cut the mesh differently.
 #[test]
 fn pieces_stay_as_they_were_cut() {
     let folder = tempfile::tempdir().unwrap();
     let path = file(folder.path(), &ELL);
     let text = cut(&path, "");
     let scene = read(&text);
-    // Two blocks, as another library might cut it.
+    // Two blocks, like another library's cut.
     let surface = triangles(&path).unwrap();
     let block = |low: [f64; 3], high: [f64; 3]| {
         let side = |corner: usize, axis: usize| [low, high][corner >> axis & 1][axis];
@@ -118,10 +118,10 @@ fn pieces_stay_as_they_were_cut() {
     let mut sim = assemble(&again, &comm);
     take_up(&mut sim, &again, &before, Continuation::SameStage, &mut comm).unwrap();
     assert_eq!(sim.particles.pieces(), 2);
-    // The next stage, too.
+    // The next stage keeps them, too.
     let next = read(&cut(&path, &format!("start = {:?}", before.display().to_string())));
     assert_eq!(union_of(&next), &other);
-    // Asked for otherwise, it is cut anew.
+    // With other settings the mesh is cut again.
     assert_ne!(union_of(&go_on(&["shape.body.pieces=7"])), &other);
     assert_ne!(union_of(&go_on(&["shape.body.scale=2"])), &other);
 }

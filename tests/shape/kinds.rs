@@ -1,8 +1,8 @@
-//! Grains of every kind in one packing, and the same bits on any number of ranks.
+//! Particles of every kind in one packing, with identical bits on any number of ranks.
 
 use crate::support::{MATERIAL, OnRanks, scene};
 
-/// A bit of everything, thrown into a box.
+/// All kinds of particles, thrown into a box.
 const MIXTURE: &str = r#"
 gravity = [1.0, 0.5, -9.81]
 [domain]
@@ -54,7 +54,7 @@ imbalance = 1.05
 "#;
 
 fn mixture() -> String {
-    // Shards have long levers: with less of dashpots a longer step is stable.
+    // Shards have long lever arms, and weaker dashpots make a longer step stable.
     MIXTURE.replace("MATERIAL", &MATERIAL.replace("restitution = 0.5", "restitution = 0.85"))
 }
 
@@ -70,8 +70,7 @@ fn a_packing_of_all_kinds_is_the_same_on_any_number_of_ranks() {
     }
 }
 
-/// With dashpots, friction and nothing to keep it going, the packing comes to rest: no kind of contact
-/// feeds energy in.
+/// With dashpots, friction and no drive, the packing comes to rest: no kind of contact creates energy.
 #[test]
 fn a_packing_of_all_kinds_comes_to_rest() {
     let mut scene = scene(&mixture());

@@ -1,5 +1,4 @@
-//! A particle's scale does what another shape of that size does: in contacts, in motion, on any number of ranks, in
-//! files and in what is computed from them.
+//! A scaled particle behaves like another shape of that size: in contacts, in motion, on any number of ranks, in files and in results.
 
 use crate::support::{Bench, Frame, OnRanks, all_bits, begun, motion, save, scaled, scene};
 use dem_mpi::comm::alone::Alone;
@@ -25,7 +24,7 @@ use std::path::{Path, PathBuf};
 
 // --- contacts ---
 
-/// A grain of each kind that a scene can have; lengths times `factor`.
+/// Text of a particle of each kind that a scene can have, with lengths times `factor`.
 fn shape_text(kind: &str, name: &str, factor: f64) -> String {
     let list = |numbers: &[f64]| {
         let scaled: Vec<String> = numbers.iter().map(|x| format!("{:?}", x * factor)).collect();
@@ -80,7 +79,7 @@ const KINDS: [&str; 7] = [
     "rounded-polyhedron",
 ];
 
-/// A scene with these shapes and no particles of its own that matter.
+/// A scene with these shapes; its own particles are not used.
 fn with_shapes(shapes: &str, more: &str) -> String {
     format!(
         r#"
@@ -126,7 +125,7 @@ fn methods() -> [(Method, f64); 3] {
     ]
 }
 
-/// A pair of bodies as the shapes themselves, and as scales of other shapes.
+/// A pair of bodies, as shapes of their sizes and as scales of other shapes.
 struct Twice {
     shapes: [Shape; 2],
     scales: [f64; 2],
@@ -137,7 +136,7 @@ struct Twice {
 impl Twice {
     fn new(shapes: [&Shape; 2], scales: [f64; 2], random: &mut Random) -> Self {
         let written = [0, 1].map(|k| scaled(shapes[k], scales[k]));
-        // Made again, too, as their last bits move.
+        // The unscaled shapes are rebuilt, too, as their last bits change.
         let shapes = shapes.map(|shape| scaled(shape, 1.0));
         Self { shapes, scales, written, frames: [random.frame(), random.frame()] }
     }
@@ -154,7 +153,7 @@ impl Twice {
         [0, 1].map(|k| Posed::new(&self.written[k], &self.frames[k]))
     }
 
-    /// From A to B, so that the bodies overlap by this along a random direction, or are at least that far apart.
+    /// Vector from A to B at which the bodies overlap by this along a random direction, or are at least this far apart.
     fn apart(&self, overlap: f64, random: &mut Random) -> Vec3 {
         let normal = random.frame() * Vec3::x();
         let [a, b] = self.by_shape();
@@ -174,8 +173,8 @@ fn bits(outcome: &Outcome) -> Vec<u64> {
     numbers.into_iter().map(f64::to_bits).collect()
 }
 
-/// Scales of powers of two give the bits of shapes that are written with these sizes, by every method and for every pair of
-/// kinds, touching and apart, with a warm start and without.
+/// Scales of powers of two give the bits of shapes written with these sizes, by every method and for every pair of kinds. The pairs touch or
+/// are apart, with a warm start and without.
 #[test]
 fn scales_of_powers_of_two_have_the_bits_of_shapes_of_that_size() {
     let grains = grains();
@@ -216,7 +215,7 @@ fn scales_of_powers_of_two_have_the_bits_of_shapes_of_that_size() {
     }
 }
 
-/// Any scales, to the accuracy of the method.
+/// Any scales agree to the accuracy of the method.
 #[test]
 fn scales_resolve_as_shapes_of_that_size() {
     let grains = grains();
@@ -259,7 +258,7 @@ fn a_scaled_body_on_a_wall() {
         let small = scaled(grain, 1.0);
         for case in 0..50 {
             let mut random = Random::of(8, case);
-            // Upright, too: on a face.
+            // The first case is upright, on a face.
             let frame = if case == 0 { Mat3::identity() } else { random.frame() };
             let (large, level) = (scaled(grain, 2.0), Mat3::identity());
             let ground = Posed::new(&wall, &level);
@@ -276,7 +275,7 @@ fn a_scaled_body_on_a_wall() {
 
 // --- motion ---
 
-/// Grains of all kinds and these scales on a narrow lattice, thrown into a corner: by scale, or each size a shape of its own.
+/// Particles of all kinds and these scales on a narrow lattice, thrown into a corner. Sizes are given by scale, or by a shape for each size.
 fn thrown(kinds: &[&str], scales: &[f64], by_scale: bool, method: &str) -> Bench {
     let mut text = String::new();
     let sizes = if by_scale { &[1.0][..] } else { scales };
@@ -316,7 +315,7 @@ fn state(bench: &Bench) -> Vec<(u64, Vec<u64>)> {
     state
 }
 
-/// Columns that a scene of spheres does not have.
+/// Adds columns that a scene of spheres lacks.
 fn fill_up(table: &mut ParticleTable) {
     let count = table.id.len();
     table.quaternion.resize(count, [1.0, 0.0, 0.0, 0.0]);
@@ -325,8 +324,8 @@ fn fill_up(table: &mut ParticleTable) {
     }
 }
 
-/// A packing of sizes by column is the same packing with a shape for each size, to the last bit where scales are powers of
-/// two: geometry, masses, moments of inertia, dashpots and friction.
+/// A packing with sizes by scale equals the packing with a shape for each size, to the last bit where scales are powers of two. This covers
+/// geometry, masses, moments of inertia, dashpots and friction.
 #[test]
 fn sizes_by_column_move_as_shapes_of_these_sizes() {
     let cases: [(&[&str], &str); 5] = [
@@ -352,7 +351,7 @@ fn sizes_by_column_move_as_shapes_of_these_sizes() {
     }
 }
 
-/// Other scales: equal but for rounding, which collisions amplify.
+/// Other scales agree up to rounding, which collisions amplify.
 #[test]
 fn other_sizes_move_alike_to_rounding() {
     let mut benches =
@@ -391,8 +390,8 @@ fn mass_goes_with_the_cube_and_inertia_with_the_fifth_power() {
     }
 }
 
-/// Two sizes meet head-on: the dashpot is that of the reduced mass of both, and no energy is missing. The error of first
-/// order of the step, in which the bodies come to touch, is extrapolated away.
+/// Two sizes meet head-on: the dashpot uses the reduced mass of both, and the energy error vanishes. Extrapolation removes the first-order
+/// error of the step in which the bodies touch.
 #[test]
 fn a_collision_of_two_sizes_has_the_restitution_of_the_scene() {
     for (small, restitution) in [(0.4, 0.6), (0.8, 0.9)] {
@@ -434,7 +433,7 @@ fn a_collision_of_two_sizes_has_the_restitution_of_the_scene() {
     }
 }
 
-/// The smallest particle bounds the time step.
+/// The smallest particle limits the time step.
 #[test]
 fn the_stable_step_is_that_of_the_smallest() {
     let limit = |shapes: &str| {
@@ -508,7 +507,7 @@ fn sizes_are_the_same_on_any_number_of_ranks_and_after_a_restart() {
     assert!(grains > 120 && contacts > 30, "{grains} with {contacts}");
 }
 
-/// Sizes that only a list of the first stage gave are known in the next: mass, search and the stable step follow.
+/// Sizes from a list of the first stage are known in the next one: mass, search and stable step follow them.
 #[test]
 fn a_stage_takes_up_sizes_that_its_scene_does_not_list() {
     let folder = tempfile::tempdir().unwrap();
@@ -562,7 +561,7 @@ const CUBE: &str =
 const SHEET: &str = "v 0.001 0.001 0.02\nv 0.015 0.001 0.02\nv 0.015 0.029 0.02\nv 0.001 0.029 0.02\nf 1 2 3\nf 1 3 4\n";
 const SHEET_WALL: &str = "[[wall]]\nname = \"sheet\"\nmesh = \"sheet.obj\"\n";
 
-/// What lies behind triangles is as deep as the largest grains of the stage before reach: a cube presses on the rim of a sheet with its side.
+/// Cells behind triangles are as deep as the largest particles of the previous stage need. A cube presses on the rim of a sheet with its side.
 #[test]
 fn walls_of_triangles_are_deep_enough_for_sizes_of_the_stage_before() {
     let folder = tempfile::tempdir().unwrap();
@@ -594,14 +593,14 @@ fn walls_of_triangles_are_deep_enough_for_sizes_of_the_stage_before() {
     assert_eq!(after(parsed(ONE)), after(first));
 }
 
-/// The place of the line that begins so, in a text that messages call `stage`.
+/// Location of the first line with this beginning, in a text that messages call `stage`.
 fn place(text: &str, line: &str) -> String {
     let found = text.lines().position(|known| known.starts_with(line));
     format!("stage:{}: ", found.unwrap_or_else(|| panic!("no {line}")) + 1)
 }
 
-/// Small grains of the stage before count where a scene derives something from sizes, and what does not fit them is told with
-/// its place. Twelve springs `k` around a sphere that turns have the frequency `√(40 k / m)`, and the limit is 2 over it.
+/// Small particles of the previous stage count wherever a scene uses sizes, and conflicts are reported with their location. Twelve springs `k`
+/// around a rotating sphere have the frequency `√(40 k / m)`, and the limit is 2 over it.
 #[test]
 fn sizes_of_a_start_count_as_those_of_the_scene() {
     let folder = tempfile::tempdir().unwrap();
@@ -633,7 +632,7 @@ fn sizes_of_a_start_count_as_those_of_the_scene() {
         let mass = 2500.0 * 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
         2.0 * (mass / (40.0 * 1e4)).sqrt()
     };
-    // Of the scene that has them itself, and no longer than of two of the smaller grain.
+    // Limit of the scene with its own list, between one and three times that of the smaller particle.
     let small = first.time_step_limit().unwrap().dt;
     assert!(small > limit(0.4 * 0.0011) && small < 3.0 * limit(0.4 * 0.0011));
     let second = parsed(&text(&start, "", "\"auto\"", 0.0)).unwrap();
@@ -649,7 +648,7 @@ fn sizes_of_a_start_count_as_those_of_the_scene() {
         (format!("{long:?}"), 0.0, "step = ", over.as_str()),
         ("2e-6".to_owned(), -fast, "velocity = ", "of the shortest axis of the smallest grain"),
     ] {
-        // Grains as large as their shape allow it.
+        // Particles of the shape's own size are accepted.
         parsed(&text("", ONE, &step, speed)).unwrap();
         let text = text(&start, "", &step, speed);
         let told = parsed(&text).unwrap_err().to_string();
@@ -659,8 +658,8 @@ fn sizes_of_a_start_count_as_those_of_the_scene() {
     }
 }
 
-/// Cubes on a sheet of triangles and at its rim, the largest and the smallest where the stage after lets them leave. Returns the
-/// snapshots of the first stage, and the file of the next.
+/// Cubes on a sheet of triangles and at its rim; the next stage lets the largest and the smallest leave. Returns the snapshots of the first
+/// stage, and the file of the next.
 fn cubes_on_a_sheet(folder: &Path) -> [PathBuf; 2] {
     let list = "x,y,z,scale\n0.0179,0.015,0.0201,6\n0.025,0.015,0.02,0.4\n0.01595,0.005,0.0201,2\n0.008,0.015,0.02099,2\n\
                 0.008,0.015,0.02298,2\n";
@@ -680,7 +679,7 @@ fn cubes_on_a_sheet(folder: &Path) -> [PathBuf; 2] {
     [snapshots, file]
 }
 
-/// Of a stage that takes up a snapshot, at this step.
+/// State of a stage that continues from a snapshot, at this step.
 fn at_step(
     step: u64,
     scene: &Scene,
@@ -699,8 +698,8 @@ fn at_step(
     sim
 }
 
-/// Where the largest and the smallest grain have left, a stage goes on with the step, the skin and the cells behind triangles that
-/// it had. One that begins there has those of the grains that are left.
+/// After the largest and the smallest particle have left, a continued stage keeps its step, skin and cells behind triangles. A new stage uses
+/// those of the remaining particles.
 #[test]
 fn a_stage_goes_on_with_the_sizes_of_grains_that_have_left() {
     let folder = tempfile::tempdir().unwrap();
@@ -791,7 +790,7 @@ fn wrong_sizes_are_said_with_their_place() {
     }
 }
 
-/// Mean and mean square within four standard errors, and a size belongs to the id.
+/// Mean and mean square within four standard errors, and each size depends on the id.
 #[test]
 fn sizes_are_drawn_as_the_scene_says() {
     let lattice = "[[fill.lattice]]\nlow = [0, 0, 0]\nhigh = [0.3, 0.3, 0.2]\nspacing = 0.006\n";
@@ -808,7 +807,7 @@ fn sizes_are_drawn_as_the_scene_says() {
         (scales().sum::<f64>() / count, scales().map(|s| s * s).sum::<f64>() / count);
     let deviation = 1.5 / 12_f64.sqrt();
     assert!((mean - 1.25).abs() < 4.0 * deviation / count.sqrt(), "{mean}");
-    // Mean of s⁴ less that of s², squared: 6.2 - 1.75².
+    // Mean of s⁴ less the squared mean of s²: 6.2 - 1.75².
     assert!(
         (square - 1.75).abs() < 4.0 * (6.2 - 1.75_f64.powi(2)).sqrt() / count.sqrt(),
         "{square}"
@@ -817,7 +816,7 @@ fn sizes_are_drawn_as_the_scene_says() {
     assert_ne!(initial(&other).next().map(|p| p.scale), Some(particles[0].scale));
 }
 
-/// The largest distance of the cumulative curve of `scales`, which it sorts, from a closed form.
+/// Largest distance of the cumulative curve of `scales`, which it sorts, from a closed form.
 fn kolmogorov_smirnov(scales: &mut [f64], below: impl Fn(f64) -> f64) -> f64 {
     scales.sort_by(f64::total_cmp);
     let count = scales.len() as f64;
@@ -828,7 +827,7 @@ fn kolmogorov_smirnov(scales: &mut [f64], below: impl Fn(f64) -> f64) -> f64 {
     scales.iter().enumerate().map(off).fold(0.0, f64::max)
 }
 
-/// A lattice of 70,000 spheres of these sizes.
+/// A lattice of 70,000 spheres with these sizes.
 fn of_sizes(size: &str) -> Scene {
     let lattice = "[[fill.lattice]]\nlow = [0, 0, 0]\nhigh = [0.3, 0.3, 0.2]\nspacing = 0.006\n";
     let sized = shape_text("sphere", "ball", 1.0) + &format!("size = {{ {size} }}\n");
@@ -836,7 +835,7 @@ fn of_sizes(size: &str) -> Scene {
     scene(&with_shapes(&format!("{sized}{lattice}"), &domain))
 }
 
-/// Laws by number against their closed forms cut off at the limits: below what one sample in a thousand exceeds.
+/// Distributions by number against their closed forms between the limits, with the bound that one sample in a thousand exceeds.
 #[test]
 fn laws_of_sizes_are_met_by_number() {
     let normal = |x: f64| 0.5 * libm::erfc(-x / 2_f64.sqrt());
@@ -862,8 +861,8 @@ fn laws_of_sizes_are_met_by_number() {
     }
 }
 
-/// A lognormal law by mass is one by number with the median of Hatch and Choate, `ln m = ln m_mass - 3 sigma^2`; summed
-/// masses, too, are what was asked for.
+/// A lognormal distribution by mass is one by number with the median of Hatch and Choate, `ln m = ln m_mass - 3 sigma^2`. Summed masses follow
+/// the requested distribution, too.
 #[test]
 fn a_law_by_mass_is_met_by_number_and_by_mass() {
     let normal = |x: f64| 0.5 * libm::erfc(-x / 2_f64.sqrt());
@@ -886,7 +885,7 @@ fn a_law_by_mass_is_met_by_number_and_by_mass() {
     assert!(off < 3.0 * 1.95 / (scales.len() as f64).sqrt(), "{off}");
 }
 
-/// The report's figures of many sizes: the same on one rank and on three, and as near as so many draws come.
+/// Size statistics in the report: identical on one rank and on three, and as accurate as the number of draws allows.
 #[test]
 fn the_report_holds_sizes_against_what_was_asked_for() {
     let size = "lognormal = { median = 1.0, sigma = 0.3 }, limits = [0.5, 2.0], by = \"mass\"";
@@ -914,15 +913,15 @@ fn the_report_holds_sizes_against_what_was_asked_for() {
     for (a, b) in [(asked.mean, found.mean), (asked.sauter_mean, found.sauter_mean)] {
         assert!((a / b - 1.0).abs() < 5e-3, "{a} {b}");
     }
-    // Half of the mass of a law cut off at its quantiles -2.31 and 2.31 is below the median.
+    // Half of the mass is below the median for limits at the symmetric quantiles -2.31 and 2.31.
     assert!((asked.by_mass_d10_d50_d90[1] - 1.0).abs() < 1e-4, "{asked:?}");
     assert!((found.by_mass_d10_d50_d90[1] - 1.0).abs() < 1e-2, "{found:?}");
     let plots = dem_mpi::post::sizes::plots(&sizes).unwrap();
     assert!(plots.len() == 1 && plots[0].svg.contains("by mass, asked for"));
 }
 
-/// A law of sizes that only listed grains without scales would have is doubtful. Listed scales beyond the law
-/// are reported as they are.
+/// A size distribution gives a warning if all its particles are listed without scales. Listed scales beyond the distribution are reported
+/// unchanged.
 #[test]
 fn sizes_of_lists_are_their_own() {
     let says = |csv: &str, shape: &str| {
@@ -946,8 +945,7 @@ fn sizes_of_lists_are_their_own() {
     assert!((low / 0.5 - 1.0).abs() < 1e-3 && (high / 2.0 - 1.0).abs() < 1e-3, "{found:?}");
 }
 
-/// Grains that have left count as they were, however many are there: the figures of all are those of the whole lattice, on any number of ranks
-/// and across a restart.
+/// Particles that have left still count: the statistics are those of the whole lattice, on any number of ranks and across a restart.
 #[test]
 fn the_report_counts_sizes_that_have_left() {
     let size = "lognormal = { median = 1.0, sigma = 0.3 }, limits = [0.5, 2.0], by = \"mass\"";
@@ -990,7 +988,7 @@ fn the_report_counts_sizes_that_have_left() {
     assert_eq!(sizes, reported(2, true));
 }
 
-// --- files and what is computed from them ---
+// --- files and results from them ---
 
 #[test]
 fn volumes_and_axes_of_a_snapshot_are_those_of_the_sizes() {

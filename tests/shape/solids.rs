@@ -1,5 +1,5 @@
-//! Shapes with edges, sharp and rounded: their mass and inertia, and their contacts with each other and
-//! with walls, against closed forms and independent answers.
+//! Shapes with sharp and rounded edges: mass, inertia, and contacts with each other and with walls, against
+//! closed forms and independent answers.
 
 use dem_mpi::contact::{
     AgainstHalfSpace, ContactResolver, Cores, Epa, ErodedGjk, Method, Outcome, Posed, Touch, table,
@@ -12,7 +12,7 @@ use dem_mpi::shape::{
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-/// Rounding of lengths of size 1.
+/// Rounding of lengths of order 1.
 const ROUNDING: f64 = 1e-12;
 
 // --- points ---
@@ -73,7 +73,7 @@ fn a_box_is_a_box_wherever_it_lies() {
         assert!((solid.placement().centre - by).norm() < ROUNDING, "{k}");
         assert_eq!((solid.hull().vertices().len(), solid.hull().planes().len()), (8, 6), "{k}");
         assert!(near(solid.hull().inscribed_radius(), 0.2, ROUNDING), "{k}");
-        // The half lengths of the box, in some order: the frame is the principal one.
+        // Half lengths of the box, in some order, as the frame is the principal one.
         let sides = sorted(solid.hull().half_extents());
         assert!((sides - Vec3::new(0.2, 0.3, 0.5)).norm() < 1e-9, "{k}: {sides}");
         for (own, file) in solid.hull().vertices().iter().zip(corners_of_box(half)) {
@@ -108,7 +108,7 @@ fn a_rounded_box_has_steiners_volume() {
         + 4.0 / 3.0 * PI * r * r * r;
     let solid = RoundedPolyhedron::new(&corners_of_box(half), r).unwrap();
     assert!(near(solid.volume(), volume, 1e-15), "{} {volume}", solid.volume());
-    // Second moments from those of the parts that the planes x = ±a/2 etc. cut out.
+    // Sum of the second moments of the parts between the planes x = ±a/2 etc.
     let square = |half: f64, others: [f64; 2]| {
         let [p, q] = others;
         let across = p * q + 2.0 * (p + q) * r + PI * r * r; // what lies along the middle part
@@ -145,7 +145,7 @@ fn thin_cores_are_round() {
     }
 }
 
-/// A rounded body without symmetry against points counted inside it.
+/// A rounded body without symmetry against Monte Carlo sampling of its inside.
 #[test]
 fn a_rounded_pebble_by_counting() {
     let mut random = Random::of(2, 0);
@@ -180,7 +180,7 @@ fn a_rounded_pebble_by_counting() {
 
 // --- reference ---
 
-/// A polyhedron given by its corners in the world, as a body in place.
+/// A polyhedron from its corners in world coordinates, as a body in place.
 struct Placed {
     shape: Shape,
     frame: Mat3,
@@ -198,7 +198,7 @@ impl Placed {
         Posed::new(&self.shape, &self.frame)
     }
 
-    /// The touch with another body, its point in the world.
+    /// Touch with another body, with the contact point in world coordinates.
     fn touch(&self, other: &Self, resolver: &dyn ContactResolver) -> Outcome {
         let r = other.centre - self.centre;
         match resolver.touch(&self.posed(), &other.posed(), &r, None) {
@@ -272,7 +272,8 @@ fn epa_of_polyhedra_is_exact() {
     }
 }
 
-/// Boxes whose faces overlap by a strip narrower than erosion's 5 %, in which it would find another direction.
+/// Boxes whose faces overlap by a strip narrower than erosion's 5 %, with which it would find another
+/// direction.
 #[test]
 fn strips_of_faces_are_resolved() {
     let table = table(&Method::Auto, &Kind::ALL);
@@ -301,8 +302,8 @@ fn strips_of_faces_are_resolved() {
     }
 }
 
-/// Pairs that are apart touch when both are rounded: the same normal and points, and all of the clearance
-/// is known to rounding.
+/// Pairs that are apart touch when both are rounded: normal and points stay equal, and the whole clearance is
+/// known to rounding.
 #[test]
 fn cores_give_the_distance() {
     let mut apart = 0;
@@ -329,7 +330,7 @@ fn body_of(kind: u64, random: &mut Random) -> Shape {
     }
 }
 
-/// Cores and EPA know nothing of each other, and no direction gives a lesser overlap.
+/// Cores and EPA are independent of each other, and no direction gives a smaller overlap.
 #[test]
 fn cores_are_exact() {
     let epa = Epa::new(1e-11);
@@ -369,9 +370,8 @@ fn cores_are_exact() {
     assert!(touching > 300 && apart > 300, "{touching} touch, {apart} do not");
 }
 
-/// The proof that comes with the answer: going back from the contact point by the overlap and the margins
-/// leads to a point of each core, and no two points of the cores are nearer than the supports along the
-/// normal say.
+/// Each answer has a proof of optimality. The contact point, moved back by the overlap and the margins, gives
+/// a point of each core. No two points of the cores are nearer than their supports along the normal.
 #[test]
 fn rounded_boxes_have_no_duality_gap() {
     // Contacts within a thousandth of the overlap from flush have a point between those of both kinds.
@@ -438,8 +438,8 @@ fn spherocylinders_have_closed_forms() {
 
 // --- the contact point ---
 
-/// A cube on a floor: its centre carries it while it stands, an edge when it is tilted, and in between the
-/// point wanders without a jump.
+/// A cube on a floor: its centre carries it while it stands, an edge when it is tilted. In between the point
+/// moves without a jump.
 #[test]
 fn the_contact_point_of_a_tilting_cube_does_not_jump() {
     let cube = sharp(&corners_of_box([0.5; 3]));
@@ -466,8 +466,7 @@ fn the_contact_point_of_a_tilting_cube_does_not_jump() {
         assert!(at(0.0, on_wall).abs() < 1e-12);
         let edge = at(0.01, on_wall);
         assert!(near(edge, 0.5, 0.01), "{edge}");
-        // The moment rises over a tilt of a small part of overlap over width, without
-        // a jump.
+        // The moment rises without a jump over a tilt of a small part of overlap over width.
         let mut last = 0.0;
         for k in 1..=100 {
             let here = at(2e-7 * f64::from(k), on_wall);
@@ -509,9 +508,9 @@ fn every_pair_of_kinds_has_a_resolver() {
     }
 }
 
-// --- a shape of the user's own ---
+// --- a user-defined shape ---
 
-/// What two balls of this radius share, their centres so far above and below the origin.
+/// Common part of two balls of this radius, with their centres `offset` above and below the origin.
 #[derive(Debug)]
 struct Lens {
     radius: f64,
@@ -523,7 +522,7 @@ impl Lens {
         (self.radius * self.radius - self.offset * self.offset).sqrt()
     }
 
-    /// The integral over the body of a function of the height and of the squared radius of the slice there.
+    /// Integral over the body of a function of the height and of the squared radius of the slice there.
     fn integral(&self, of: impl Fn(f64, f64) -> f64) -> f64 {
         const SLICES: u32 = 2000;
         let thickness = (self.radius - self.offset) / f64::from(SLICES);
@@ -567,7 +566,7 @@ impl Convex for Lens {
     }
 }
 
-/// Nothing but the trait is needed for pairs with every other shape and with walls.
+/// The trait is sufficient for pairs with every other shape and with walls.
 #[test]
 fn a_shape_of_the_users_own_is_resolved() {
     let (radius, offset) = (2.0, 1.2);
@@ -587,7 +586,7 @@ fn a_shape_of_the_users_own_is_resolved() {
     let floor = Shape::HalfSpace(HalfSpace::at_reference(Vec3::z()));
     let (upright, aslant) = (Mat3::identity(), Quat::from_euler_angles(0.3, 0.2, 0.1));
     let aslant = *aslant.to_rotation_matrix().matrix();
-    // Normals on which both bodies are balls, or one is a rim, a face or a wall.
+    // Normals at which both bodies are balls, or one is a rim, a face or a wall.
     let slope = Vec3::new(0.3, 0.2, 0.9).normalize();
     let cases: [(&Shape, Mat3, Vec3, f64); 7] = [
         (&lens, upright, Vec3::z(), 1e-9),
@@ -623,7 +622,7 @@ fn a_shape_of_the_users_own_is_resolved() {
                 match resolver.touch(&a, &b, &r, None) {
                     Outcome::Touching(touch) => {
                         let off = touch.overlap - overlap;
-                        // Erosion may see a contact where there is none.
+                        // Erosion may report a contact for separate bodies.
                         let least = -1e-9 - if overlap < 0.0 { overlap } else { 0.0 };
                         assert!(
                             (least..=tolerance.max(least)).contains(&off),

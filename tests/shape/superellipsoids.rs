@@ -1,5 +1,5 @@
-//! Superellipsoids and poly-superellipsoids: geometry against closed forms, differences and sampling; their
-//! common normal against answers of 50 digits and against EPA; and a packing of them.
+//! Superellipsoids and poly-superellipsoids. Geometry is checked against closed forms, differences and sampling, and the
+//! common normal against answers of 50 digits and against EPA. A packing of them follows.
 
 use crate::support::placed::Case;
 use crate::support::random::Draw;
@@ -23,7 +23,7 @@ use std::f64::consts::PI;
 
 const EXPONENTS: [f64; 6] = [0.3, 0.5, 0.8, 1.0, 1.5, 2.0];
 
-/// As many superellipsoids as poly-superellipsoids.
+/// Equal numbers of superellipsoids and poly-superellipsoids.
 fn shapes(random: &mut Random, exponents: [f64; 2]) -> Vec<Shape> {
     let both = |_| {
         let axes = [0, 1, 2].map(|_| random.vector(0.5, 1.5));
@@ -46,7 +46,7 @@ fn every_pair_of_exponents() -> impl Iterator<Item = [f64; 2]> {
 
 // --- geometry ---
 
-/// The left side of the surface's equation `F = 1`; `point` seen from where the octants meet.
+/// Left side of the surface's equation `F = 1`; `point` is relative to the point where the octants meet.
 fn implicit([positive, negative]: [Vec3; 2], [e1, e2]: [f64; 2], point: &Vec3) -> f64 {
     let x = Vec3::from_fn(|i, _| {
         let axis = if point[i] < 0.0 { negative[i] } else { positive[i] };
@@ -55,7 +55,7 @@ fn implicit([positive, negative]: [Vec3; 2], [e1, e2]: [f64; 2], point: &Vec3) -
     (x.x.powf(2.0 / e2) + x.y.powf(2.0 / e2)).powf(e2 / e1) + x.z.powf(2.0 / e1)
 }
 
-/// `F` of a shape and a point in its own frame.
+/// `F` of a shape at a point in its own frame.
 fn implicit_of(shape: &Shape, point: &Vec3) -> f64 {
     match shape {
         Shape::Superellipsoid(s) => implicit([s.semi_axes(); 2], s.exponents(), point),
@@ -74,10 +74,10 @@ fn support_points_are_the_farthest_of_the_surface() {
             let direction = random.direction();
             let point = shape.support(&direction);
             let off = (implicit_of(&shape, &point) - 1.0).abs();
-            // F has powers up to 2 / 0.3 of coordinates good to rounding.
+            // F has powers up to 2 / 0.3 of coordinates that are exact to rounding.
             assert!(off < 1e-13, "{exponents:?}: F is off by {off:e}");
             for _ in 0..50 {
-                // On the surface along a ray from the centre of mass, by bisection.
+                // Point of the surface along a ray from the centre of mass, by bisection.
                 let ray = random.direction();
                 let (mut inside, mut outside) = (0.0, 4.0);
                 while outside - inside > 1e-12 {
@@ -99,7 +99,7 @@ fn support_points_are_the_farthest_of_the_surface() {
     }
 }
 
-/// The gradient of the support function is the support point, its Hessian that point's derivative.
+/// The gradient of the support function is the support point, and its Hessian is that point's derivative.
 #[test]
 fn derivatives_agree_with_differences() {
     const STEP: f64 = 1e-6;
@@ -120,7 +120,7 @@ fn derivatives_agree_with_differences() {
             assert!((value - slope).abs() < 1e-7, "{exponents:?} {u:?}: {value} is not {slope}");
             let change = (there - back) / (2.0 * STEP);
             let expected = curved.hessian_times(&v);
-            // Curvature changes within the step as the inverse of the least component.
+            // Curvature changes within the step like the inverse of the least component.
             let least = u.abs().min();
             let bound = 1e-8 + 1e-9 / (least * least) * (1.0 + expected.norm());
             let off = (change - expected).norm();
@@ -130,7 +130,7 @@ fn derivatives_agree_with_differences() {
     }
 }
 
-/// Bounding and inscribed radius are those of the sampled surface, not only bounds.
+/// Bounding and inscribed radius equal those of the sampled surface.
 #[test]
 fn radii_are_tight() {
     for (i, exponents) in every_pair_of_exponents().enumerate() {
@@ -138,14 +138,14 @@ fn radii_are_tight() {
         let shape = octants(random.vector(0.5, 1.5), random.vector(0.5, 1.5), exponents);
         let mut farthest: f64 = 0.0;
         for _ in 0..100 {
-            // Uphill on the distance.
+            // Ascent on the distance.
             let mut up = random.direction();
             for _ in 0..60 {
                 up = shape.support(&up).normalize();
             }
             farthest = farthest.max(shape.support(&up).norm());
         }
-        // Downhill on the height, by chance.
+        // Random descent on the height.
         let height = |u: &Vec3| shape.support(u).dot(u);
         let mut down = random.direction();
         for i in 0..3000 {
@@ -172,7 +172,7 @@ fn smallest_radius_of_curvature() {
             assert_eq!(radius, 0.0, "{exponents:?}");
             continue;
         }
-        // A ball rolls inside: no support plane of the surface cuts a ball at a surface point's normal.
+        // A ball of this radius rolls inside the surface: no support plane cuts it.
         for _ in 0..2000 {
             let (u, v) = (random.direction(), random.direction());
             let centre = shape.support(&u) - u * radius;
@@ -191,8 +191,8 @@ fn moments_of_known_solids() {
     let axes = Vec3::new(1.3, 0.7, 0.4);
     let squares = axes.component_mul(&axes);
     let sums = Vec3::new(squares.y + squares.z, squares.x + squares.z, squares.x + squares.y);
-    // Box, elliptic cylinder, ellipsoid, double cone, octahedron: volume over a b c; mean square over the
-    // square of the semi-axis, across and along z.
+    // Box, elliptic cylinder, ellipsoid, double cone, octahedron. The values are the volume over a b c, and the mean square
+    // over the square of the semi-axis, across and along z.
     let solids = [
         ([1e-9, 1e-9], 8.0, 1.0 / 3.0, 1.0 / 3.0),
         ([1e-9, 1.0], 2.0 * PI, 0.25, 1.0 / 3.0),
@@ -211,7 +211,7 @@ fn moments_of_known_solids() {
             }
         }
     }
-    // Towards the box the moments only grow.
+    // The moments increase towards the box.
     let mut last = 0.0;
     for e in [1.5, 1.0, 0.7, 0.4, 0.2, 0.05] {
         let now = superellipsoid(axes, [e, e]).gyration().x;
@@ -252,10 +252,10 @@ fn moments_of_octants_by_sampling() {
 
 // --- contact ---
 
-/// Backward error relative to the longest semi-axis, and its amplification by curvature: see
-/// `tests/reference/README.md`. The overlap is good to rounding; the normal to a gradient of rounding over the
-/// least eigenvalue κ of the Hessian, the contact point to the normal's error times the largest radius of
-/// curvature ϱ, which has no bound across flat faces.
+/// Backward error relative to the longest semi-axis; for its amplification by curvature see `tests/reference/README.md`. The
+/// overlap is exact to rounding. The error of the normal is a rounding of the gradient over the least eigenvalue κ of the
+/// Hessian. The error of the contact point is the normal's error times the largest radius of curvature ϱ, which has no bound
+/// across flat faces.
 const BACKWARD: f64 = 1e-13;
 
 #[test]
@@ -300,7 +300,7 @@ fn reference_answers() {
     assert_eq!(rows, 40);
 }
 
-/// The least eigenvalue of the Hessian of the overlap at the minimum, and the largest radius of curvature.
+/// Least eigenvalue of the Hessian of the overlap at the minimum, and largest radius of curvature.
 fn condition(a: &Posed, b: &Posed, normal: &Vec3, overlap: f64) -> (f64, f64) {
     let hessian = |body: &Posed, outward: Vec3| {
         let curved = body.shape.curved_support(&body.frame.tr_mul(&outward)).unwrap();
@@ -310,19 +310,19 @@ fn condition(a: &Posed, b: &Posed, normal: &Vec3, overlap: f64) -> (f64, f64) {
     };
     let (of_a, of_b) = (hessian(a, *normal), hessian(b, -normal));
     let radii = of_a.symmetric_eigenvalues().max().max(of_b.symmetric_eigenvalues().max());
-    // The eigenvalue along the normal is zero: lifted out of the way.
+    // The eigenvalue along the normal is zero, so it is shifted upwards.
     let lifted = of_a + of_b + normal * normal.transpose() * 1e3;
     (lifted.symmetric_eigenvalues().min() - overlap, radii)
 }
 
-/// These shapes, turned at random, with this overlap along a random normal; the least may be less.
+/// A pair of these shapes in random orientations, with this overlap along a random normal; the least overlap may be less.
 fn turned(random: &mut Random, a: &Shape, b: &Shape, overlap: f64) -> Case {
     let (a, b) = ((a.clone(), random.frame()), (b.clone(), random.frame()));
     Case::of(a, b, random, overlap)
 }
 
-/// Every pair is answered, nearly all by Newton's method itself, and the answer is the least overlap: to
-/// the resolution of EPA, or to that of the search for rivals where several minima nearly tie.
+/// Every pair is answered, nearly all by Newton's method, and the answer is the least overlap. The tolerance is EPA's, or
+/// that of the search for rivals where several minima nearly tie.
 #[test]
 fn as_deep_as_epa_says() {
     const PAIRS: usize = 2000;
@@ -368,8 +368,8 @@ fn as_deep_as_epa_says() {
     }
 }
 
-/// Beside a body with edges, too: the last digits come from Newton's method beside a corner or an edge, which may not leave
-/// for another side. Any direction bounds the least overlap from above.
+/// No direction gives a smaller overlap, also beside a body with edges. Newton's method refines the result beside a corner or
+/// an edge and must not leave for another side.
 #[test]
 fn no_deeper_than_along_any_direction() {
     const PAIRS: u64 = 4000;
@@ -405,8 +405,8 @@ fn no_deeper_than_along_any_direction() {
     }
 }
 
-/// A die and a rod that met in a mixture: Newton's method left their contact for the other side of the die, where the overlap
-/// was three times the rod's diameter, and the run made energy.
+/// A die and a rod from a mixture. Newton's method once left their contact for the other side of the die. The overlap there
+/// was three times the rod's diameter, and the run created energy.
 #[test]
 fn the_last_digits_do_not_leave_the_contact() {
     let frame = |w, x, y, z| {
@@ -445,8 +445,8 @@ fn the_last_digits_do_not_leave_the_contact() {
     assert!((overlap(chain) - overlap(&Epa::new(1e-10))).abs() < 1e-9);
 }
 
-/// A small thin body beside a crest of a large one: from the line of centres, Newton's method comes to a minimum on the
-/// crest's other side, deeper than the small body is thick.
+/// A small thin body beside a crest of a large one. From the line of centres, Newton's method reaches a minimum on the
+/// crest's other side, deeper than the thickness of the small body.
 #[test]
 fn crests_are_not_passed_through() {
     let method = table(&Method::Auto, &Kind::ALL);
@@ -554,7 +554,7 @@ fn crests_are_not_passed_through() {
     }
 }
 
-/// The same bits on every machine and with every compiler: a sum over results as they were when this
+/// Results have identical bits on every machine and with every compiler. The sum is over results as they were when the test
 /// was written.
 #[test]
 fn bits_are_pinned() {
@@ -596,14 +596,14 @@ fn exponents_of_one_are_ellipsoids() {
     }
 }
 
-/// Face on face, edge on edge, tip on tip, aligned: where a Hessian is infinite or zero.
+/// Face on face, edge on edge, tip on tip, aligned: the Hessian is infinite or zero there.
 #[test]
 fn aligned_bodies() {
     let axes = Vec3::new(1.0, 0.8, 0.5);
     let method = table(&Method::Auto, &Kind::ALL);
     let chain = method.get((Kind::Superellipsoid, Kind::Superellipsoid)).unwrap();
     for exponents in every_pair_of_exponents() {
-        // Left to EPA.
+        // These exponents are left to EPA.
         let sharp = exponents.contains(&2.0);
         for shape in [superellipsoid(axes, exponents), octants(axes, axes, exponents)] {
             for way in [Vec3::x(), Vec3::y(), Vec3::z(), Vec3::new(1.0, 1.0, 0.0)] {
@@ -671,8 +671,8 @@ allow_unstable = true
     scene
 }
 
-/// The energy after a collision at random over that before; they overlap by a hundredth of their size, about. `gap` is
-/// between them at the start, over their size.
+/// Ratio of the energies after and before a random collision, with an overlap of about a hundredth of the size. `gap` is the
+/// initial gap over the size.
 fn energy_kept(scene: &Scene, gap: f64, seed: u64) -> Option<f64> {
     let mut random = Random::of(seed, 0);
     let library = &scene.library;
@@ -683,7 +683,7 @@ fn energy_kept(scene: &Scene, gap: f64, seed: u64) -> Option<f64> {
     let speed = 0.01 * size * (1.0 / m + 1.0 / n).sqrt();
     let frames = [random.frame(), random.frame()];
     let toward = random.direction();
-    // Just apart along the normal, and beside each other.
+    // Slightly apart along the normal, with an offset sideways.
     let support = |k: usize, n: &Vec3| frames[k] * shapes[k].support(&frames[k].tr_mul(n));
     let r = support(0, &toward) - support(1, &-toward) + toward * (gap * size);
     let aside = random.direction() * (0.4 * speed);
@@ -724,10 +724,10 @@ fn energy_kept(scene: &Scene, gap: f64, seed: u64) -> Option<f64> {
     touched.then(|| energy(&mut bench).0 / before)
 }
 
-/// How much of their energy so many collisions make or lose, from the least to the most.
+/// Relative energy errors of a number of collisions in ascending order.
 fn errors_of(shape: &str, partner: &str, method: Method, collisions: u64) -> Vec<f64> {
     let scene = meeting(shape, partner, method);
-    // Erosion finds bodies touching that are still apart.
+    // Erosion reports contacts of bodies that are still apart.
     let gap = if matches!(method, Method::GjkErosion(_)) { 0.03 } else { 0.002 };
     let kept = (0..collisions).filter_map(|seed| energy_kept(&scene, gap, seed));
     let mut errors: Vec<f64> = kept.map(|e| (e - 1.0).abs()).collect();
@@ -736,7 +736,7 @@ fn errors_of(shape: &str, partner: &str, method: Method, collisions: u64) -> Vec
     errors
 }
 
-/// The worst of so many collisions.
+/// Largest relative energy error of a number of collisions.
 fn worst_of(shape: &str, partner: &str, method: Method, collisions: u64) -> f64 {
     errors_of(shape, partner, method, collisions).pop().expect("some have met")
 }
@@ -745,8 +745,8 @@ fn body([e1, e2]: [f64; 2]) -> String {
     format!("kind = \"superellipsoid\"\nsemi_axes = [1.0, 0.8, 0.6]\nexponents = [{e1}, {e2}]")
 }
 
-/// All exponents that a scene accepts, to its ends: with itself, a ball and an ellipsoid. Nothing but the step is
-/// wrong: the overlap is the least, and the contact point that of the shared normal.
+/// All exponents that a scene accepts, to its limits: with itself, a ball and an ellipsoid. Only the time step causes errors:
+/// the overlap is the least, and the contact point that of the common normal.
 #[test]
 fn collisions_keep_their_energy() {
     let partners =
@@ -763,7 +763,7 @@ fn collisions_keep_their_energy() {
     }
 }
 
-/// With bodies that have edges, where the normal is found first and the point then: the corner or the edge says where.
+/// With bodies that have edges, the normal is found first and then the point from the corner or the edge.
 #[test]
 fn collisions_with_edges_keep_their_energy() {
     let block = "kind = \"polyhedron\"\nvertices = [[0.8, 0.7, 0.6], [-0.8, 0.7, 0.6], [0.8, -0.7, 0.6], \
@@ -780,7 +780,7 @@ fn collisions_with_edges_keep_their_energy() {
     }
 }
 
-/// EPA alone would know the overlap, but not where flat faces touch.
+/// EPA alone would find the overlap, but not the point at which flat faces touch.
 #[test]
 fn collisions_by_epa_keep_their_energy() {
     let ball = "kind = \"sphere\"\nradius = 0.8";
@@ -792,7 +792,7 @@ fn collisions_by_epa_keep_their_energy() {
     }
 }
 
-/// Erosion takes a normal that is not that of the least overlap: the warning of a run tells these figures.
+/// The normal of erosion is not that of the least overlap; the warning of a run states these figures.
 #[test]
 fn collisions_by_erosion_do_not_keep_their_energy() {
     let ellipsoid = "kind = \"ellipsoid\"\nsemi_axes = [2.0, 1.0, 1.0]";
@@ -807,8 +807,8 @@ fn collisions_by_erosion_do_not_keep_their_energy() {
     }
 }
 
-/// EPA as in the paper, without secants at its end: its normal is off by the square root of the tolerance, which costs
-/// little energy (no warning of a run). The figures are of the worst of a hundred.
+/// EPA as in the paper, without secants at its end. Its normal is off by the square root of the tolerance, which costs little
+/// energy and gives no warning. The figures are the worst of a hundred.
 #[test]
 fn collisions_by_epa_without_secants_nearly_keep_their_energy() {
     let epa = Method::Epa(Epa { polish: false, ..Epa::default() });
@@ -825,7 +825,7 @@ fn collisions_by_epa_without_secants_nearly_keep_their_energy() {
     }
 }
 
-/// The same with octants.
+/// Collisions of octants conserve their energy, too.
 #[test]
 fn collisions_of_octants_keep_their_energy() {
     for exponents in [[0.1, 0.1], [0.1, 1.8], [1.8, 0.1], [0.7, 1.2], [1.8, 1.8]] {
@@ -841,8 +841,8 @@ fn collisions_of_octants_keep_their_energy() {
     }
 }
 
-/// Where a ball presses on a face off its centre, there it is pushed. From the ball's side, since the normal of a face
-/// so flat does not tell in double precision where on it the point is.
+/// A ball that presses on a face off its centre acts at that place. The ball determines the point, because in double
+/// precision the normal of so flat a face does not.
 #[test]
 fn a_ball_touches_a_flat_face_where_it_is() {
     let method = table(&Method::Auto, &Kind::ALL);
@@ -915,7 +915,7 @@ fn a_packing_is_the_same_on_any_number_of_ranks() {
     assert_eq!(alone.bits.len(), 100);
 }
 
-/// A snapshot of other exponents is not taken for the same shape.
+/// A snapshot with other exponents has another shape.
 #[test]
 fn a_restart_compares_shapes() {
     let folder = tempfile::tempdir().unwrap();

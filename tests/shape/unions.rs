@@ -8,7 +8,7 @@ use dem_mpi::shape::{Convex as _, Ellipsoid, Polyhedron, Shape, Sphere, Union};
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 
-/// A piece upright, at a place.
+/// An upright piece at a position.
 pub(crate) fn piece(shape: &Shape, at: [f64; 3]) -> Piece {
     Piece { shape: shape.clone(), centre: Vec3::from(at), rotation: Quat::identity() }
 }
@@ -17,14 +17,15 @@ pub(crate) fn ball(radius: f64) -> Shape {
     Shape::Sphere(Sphere { radius })
 }
 
-/// Unit cubes at these places.
+/// Unit cubes at these positions.
 pub(crate) fn cubes(places: &[[f64; 3]]) -> Union {
     let corners = solids::cuboid(Vec3::repeat(1.0));
     let cube = Shape::Polyhedron(Box::new(Polyhedron::new(&corners).expect("a cube")));
     Union::new(places.iter().map(|&at| piece(&cube, at)).collect()).expect("a body")
 }
 
-/// The surface of unit cubes at these places as an OBJ, without the squares that two share.
+/// OBJ text of the surface of unit cubes at these positions, without the squares that two cubes
+/// share.
 pub(crate) fn obj_of_cubes(places: &[[f64; 3]]) -> String {
     let mut obj = String::new();
     let mut corners = 0;
@@ -91,7 +92,7 @@ fn blocks_of_cubes_have_their_moments() {
     has(&cubes(&far), 3.0, [5.0 / 6.0, 1.5, 11.0 / 6.0], 1e-12, "L far away");
 }
 
-/// What pieces share counts once: two cubes that overlap by half, and three that all share a corner.
+/// Common parts of pieces count once: two cubes that overlap by half, and three that share a corner.
 #[test]
 fn overlaps_of_polyhedra_count_once() {
     let two = cubes(&[[0.0; 3], [0.5, 0.0, 0.0]]);
@@ -105,7 +106,7 @@ fn overlaps_of_polyhedra_count_once() {
     let turned = rotation_about(&Vec3::z(), 0.25 * PI);
     let cube = cubes(&[[0.0; 3]]).pieces()[0].shape.clone();
     let star = vec![piece(&cube, [0.0; 3]), Piece { rotation: turned, ..piece(&cube, [0.0; 3]) }];
-    // A square and one turned by 45 degrees share an octagon of area 2√2 - 2.
+    // A square and one rotated by 45 degrees share an octagon of area 2√2 - 2.
     let star = Union::new(star).expect("a body");
     close(star.volume(), 4.0 - 2.0 * 2.0_f64.sqrt(), 1e-12, "star");
 }
@@ -121,7 +122,7 @@ fn two_balls_have_their_lens_once() {
     close(half.volume(), 5.726_862, 1e-6, "0.5 apart");
     has(&half, half.volume(), [2.428_803, 3.131_877, 3.131_877], 1e-6, "0.5 apart");
     assert_eq!(one.error(), 0.0);
-    // Balls of two sizes, and one so far away that it only touches.
+    // Balls of two sizes at a distance at which they only touch.
     let unlike = vec![piece(&ball(1.0), [0.0; 3]), piece(&ball(0.5), [1.5, 0.0, 0.0])];
     let unlike = Union::new(unlike).expect("a body");
     close(unlike.volume(), 4.0 / 3.0 * PI * 1.125, 1e-14, "that touch");
@@ -129,7 +130,7 @@ fn two_balls_have_their_lens_once() {
     assert!(mistake.unwrap_err().to_string().contains("piece 2 lies within piece 1"));
 }
 
-/// Lines through a grid agree with closed forms as well as they say.
+/// Volumes from lines through a grid agree with closed forms within their reported error.
 #[test]
 fn other_overlaps_tell_their_error() {
     let egg = Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(1.0, 1.0, 1.0) });
@@ -140,7 +141,7 @@ fn other_overlaps_tell_their_error() {
     has(&body, body.volume(), [3.004_148, 5.213_080, 5.213_080], 1e-4, "by lines");
 }
 
-/// Pieces of a box are one wherever they are; arms of an L are not.
+/// Pieces of a box count as one everywhere; arms of an L do not.
 #[test]
 fn pieces_are_one_where_nothing_is_between_them() {
     let row = cubes(&[[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]);

@@ -1,4 +1,4 @@
-//! The audit of contacts: the errors that it reports are those of the run, and the same on any number of ranks.
+//! The audit of contacts: the reported errors are those of the run, and identical on any number of ranks.
 
 use crate::support::{MATERIAL, begun, scene};
 use dem_mpi::comm::alone::Alone;
@@ -8,7 +8,7 @@ use dem_mpi::output::report::audit::Audit;
 use dem_mpi::scene::Scene;
 use dem_mpi::shape::Kind;
 
-/// Ellipsoids and balls so close on a lattice that they touch, on a floor, and how their contacts are resolved and audited.
+/// Ellipsoids and balls on a floor, on a lattice so narrow that they touch, with the given resolver and audit.
 fn lattice(contact: &str, audit: &str) -> Scene {
     scene(&format!(
         r#"
@@ -43,7 +43,7 @@ steps = 100
     ))
 }
 
-/// The audit after so many steps, on so many ranks, and the state of all particles.
+/// The audit after a number of steps on a number of ranks, and the state of all particles.
 fn audited(scene: &Scene, ranks: u32, steps: u64) -> (Audit, Vec<(u64, Vec<u64>)>) {
     let mut of_ranks = threads::run(ranks, |comm| {
         let mut sim = begun(scene, comm);
@@ -60,7 +60,7 @@ fn audited(scene: &Scene, ranks: u32, steps: u64) -> (Audit, Vec<(u64, Vec<u64>)
     (of_ranks.swap_remove(0).0, motion)
 }
 
-/// Against the common normals found one by one from scratch, of every contact.
+/// Errors against common normals that the test computes for every contact.
 #[test]
 fn errors_are_those_of_the_contacts() {
     let scene = lattice("method = \"gjk-erosion\"", "every = 1\ncontacts = 1_000_000");
@@ -103,7 +103,7 @@ fn errors_are_those_of_the_contacts() {
         let all = [(figures.median, at(50)), (figures.p99, at(99)), (figures.max, at(100))];
         assert!(all.iter().all(|&(found, expected)| near(found, expected)), "{all:?}");
     }
-    // The law is linear: forces are as wrong as overlaps, in the mean overlap.
+    // The law is linear, so errors of forces are proportional to those of overlaps.
     let (force, overlap) = (&found.force, &found.overlap);
     assert!(near(force.max / force.median, overlap.max / overlap.median), "{found:?}");
     assert!(found.mean_force_n > 0.0);
@@ -112,7 +112,8 @@ fn errors_are_those_of_the_contacts() {
 
 const STEPS: u64 = 24;
 
-/// More errors than are kept, so that ranks keep others than one alone; and the trajectory does not know of it.
+/// More errors than the audit keeps, so that several ranks keep others than one. The trajectory is independent of the
+/// audit.
 #[test]
 fn an_audit_is_the_same_on_any_number_of_ranks_and_leaves_no_trace() {
     for contact in ["method = \"auto\"", "method = \"gjk-erosion\""] {
@@ -125,7 +126,7 @@ fn an_audit_is_the_same_on_any_number_of_ranks_and_leaves_no_trace() {
         assert!(alone.of_kinds.len() == 5, "eggs, balls and a floor: {alone:#?}");
         let (some_alone, of_some) = audited(&some, 1, STEPS);
         assert_eq!(some_alone.audits, 12);
-        // 60 of thousands at each: five standard deviations.
+        // 60 among thousands at each audit: five standard deviations.
         assert!(some_alone.contacts.abs_diff(12 * 60) < 135, "{}", some_alone.contacts);
         assert_eq!(motion, of_some);
         for ranks in [2, 3, 4] {

@@ -1,4 +1,4 @@
-//! Energies that are booked add up, of all shapes and laws.
+//! Booked energies add up, for all shapes and laws.
 
 use crate::sim::symmetries::{Cloud, Law, SHAPES, cases};
 use crate::support::{Bench, begun, close, scene};
@@ -11,8 +11,8 @@ use dem_mpi::particles::columns::Quantity;
 const STEPS: u32 = 2000;
 const DT: f64 = 1e-5;
 
-/// A cloud that falls on its plane, which has these keys, both seen from a frame that moves: what there is in the end, what the plane did by its
-/// forces and torques in the mean of each step, and what was booked as received in the same time [J].
+/// Runs a cloud that falls on its plane with these keys, both in a moving frame. Returns the final measures, the work of the plane's forces and
+/// torques averaged over each step, and the energy received in the same time [J].
 fn after(cloud: &Cloud, keys: &str, drift: Vec3, spin: Vec3) -> (Measures, [f64; 2]) {
     let text = cloud
         .text()
@@ -41,8 +41,8 @@ fn after(cloud: &Cloud, keys: &str, drift: Vec3, spin: Vec3) -> (Measures, [f64;
     (measures, [work, received])
 }
 
-/// The work of a plane that moves or turns is that of its forces. In its own frame as much is lost by each cause, and as much is missing: rounding of
-/// spheres, at most a part of 1e-4 of what is lost of others.
+/// The work of a moving or rotating plane is that of its forces. In the plane's frame the losses of each cause and the energy error are equal. The
+/// energy error is rounding for spheres, and at most 1e-4 of the losses for others.
 #[test]
 fn walls_do_the_work_of_their_forces() {
     for cloud in cases() {
@@ -63,7 +63,7 @@ fn walls_do_the_work_of_their_forces() {
         let rounded = cloud.shape.starts_with("kind = \"sphere\"");
         let missing = still.missing().abs() / still.dissipated;
         println!("part missing: {missing:e}");
-        // Round pieces that are one share an energy of second power, which Hertz' is not; crossed bars are at their limit of the step.
+        // Round pieces that act as one share a quadratic energy, which Hertz's law does not have. Crossed bars are at the limit of their step.
         let is_union = cloud.shape.contains("union");
         let most = match (rounded, is_union, cloud.law == Law::Hertz) {
             (true, ..) => 1e-11,
@@ -80,13 +80,13 @@ fn walls_do_the_work_of_their_forces() {
         );
         let (_, [work, received]) = after(&cloud, &keys, Vec3::zeros(), spin);
         assert!(cloud.law == Law::Jkr || work.abs() > 1e-7, "{case}: {work:e}");
-        // Pieces move on arcs, of which a step takes the chord.
+        // Pieces move on arcs, and a step uses the chord.
         let most = if cloud.shape.contains("union") { 1e-6 } else { 1e-7 };
         close(received, work, most, &format!("{case}, turned"));
     }
 }
 
-/// Two bodies that strike the moving plane and part from it, one of the shape and one a ball: contacts of points beside those of faces, and their ends.
+/// Two particles that strike the moving plane and separate, one of the shape and one a ball: point contacts and face contacts with their ends.
 #[test]
 fn walls_do_their_work_until_bodies_part() {
     for shape in SHAPES {
@@ -107,7 +107,7 @@ fn walls_do_their_work_until_bodies_part() {
     }
 }
 
-/// Where there are no dashpots, nothing is booked as taken by any: normal ones have what no other cause has.
+/// Without dashpots no loss is booked to them. The loss of normal dashpots is the remainder after all other causes.
 #[test]
 fn no_dashpot_takes_anything_where_there_is_none() {
     for shape in SHAPES {
@@ -125,7 +125,7 @@ fn no_dashpot_takes_anything_where_there_is_none() {
     }
 }
 
-/// A grain takes its energy along through an outlet: a fall loses nothing, whatever the step.
+/// A particle takes its energy along through an outlet: a fall has no energy error at any step.
 #[test]
 fn a_grain_that_leaves_takes_its_energy_along() {
     let scene = scene(

@@ -1,4 +1,4 @@
-//! The step and the run: motion, energies, stages, published cases.
+//! Time step and run: motion, energies, stages, published cases.
 
 mod audit;
 mod books;

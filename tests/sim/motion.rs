@@ -1,4 +1,4 @@
-//! Motion against closed forms: what is given at the start, free bodies, changes of the step, the energy balance.
+//! Motion against closed forms: initial conditions, free bodies, changes of the step, the energy balance.
 
 use crate::support::{Bench, begun};
 use dem_mpi::comm::Comm;
@@ -16,7 +16,7 @@ const ELLIPSOID: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.03, 0.02, 0.01]";
 const STIFF: &str = "density = 2500\nnormal_stiffness = 1e4\nfriction = 0.3\nrestitution = 0.5";
 const ELASTIC: &str = "density = 2500\nnormal_stiffness = 1e4";
 
-/// A scene with the particles of a CSV text, header and rows.
+/// Scene with the particles of a CSV text, header and rows.
 fn scene(more: &str, material: &str, shape: &str, dt: f64, particles: &str) -> Scene {
     let folder = tempfile::tempdir().expect("a directory for a file");
     std::fs::write(folder.path().join("particles.csv"), particles).expect("a file is written");
@@ -28,10 +28,10 @@ fn scene(more: &str, material: &str, shape: &str, dt: f64, particles: &str) -> S
 }
 
 const WIDE: &str = "[domain]\nlow = [-1e3, -1e3, -1e3]\nhigh = [1e3, 1e3, 1e3]";
-/// A floor at z = 0 of the same material.
+/// Domain with a floor at z = 0 of the same material.
 const FLOOR: &str = "[domain]\nlow = [-1, -1, 0]\nhigh = [1, 1, 1]\nwalls = [\"-z\"]";
 
-/// Steps a scene, and looks at it after each.
+/// Steps a scene, and calls `look` before the first step and after each.
 fn run(scene: &Scene, steps: u64, mut look: impl FnMut(&mut dem_mpi::sim::Simulation, &mut Alone)) {
     let mut comm = Alone::default();
     let mut sim = begun(scene, &mut comm);
@@ -42,7 +42,7 @@ fn run(scene: &Scene, steps: u64, mut look: impl FnMut(&mut dem_mpi::sim::Simula
     }
 }
 
-/// `z = z0 + v t - g t²/2`: central differences are exact for it, whatever the step.
+/// `z = z0 + v t - g t²/2`: central differences are exact for it at any step.
 #[test]
 fn a_projectile_is_exact_to_rounding() {
     let (velocity, gravity) = (Vec3::new(1.5, -0.5, 4.0), Vec3::new(0.0, 1.0, -9.81));
@@ -64,12 +64,12 @@ fn a_projectile_is_exact_to_rounding() {
     }
 }
 
-/// The order at which errors fall from one step to half of it.
+/// Order of the errors from one step to half of it.
 fn orders(errors: &[f64]) -> Vec<f64> {
     errors.windows(2).map(|pair| (pair[0] / pair[1]).log2()).collect()
 }
 
-/// `m z'' = -k (z - R) - m g` from a given place and velocity on a floor, followed for half a period within the contact.
+/// `m z'' = -k (z - R) - m g` from a given position and velocity on a floor, for half a period within the contact.
 #[test]
 fn an_oscillation_is_of_second_order_from_the_first_step() {
     let mass = 2500.0 * 4.0 / 3.0 * std::f64::consts::PI * 1e-6;
@@ -103,7 +103,7 @@ fn an_oscillation_is_of_second_order_from_the_first_step() {
     }
 }
 
-/// What is in a snapshot goes on with another step: nothing changes but the step.
+/// A state from a snapshot continues with another step: nothing else changes.
 #[test]
 fn another_step_leaves_the_state_and_the_energy() {
     let dashpot = "density = 2500\nnormal_stiffness = 1e4\nfriction = 0.3\nrestitution = 0.8";
@@ -146,7 +146,7 @@ fn another_step_leaves_the_state_and_the_energy() {
     }
 }
 
-/// Springs and fields take nothing and make nothing: the balance closes to rounding at any step, also coarse ones.
+/// Springs and fields neither take nor create energy: the balance closes to rounding at any step, also coarse ones.
 #[test]
 fn the_energy_balance_closes_to_rounding() {
     let damped = "global_damping = 2000\n";
@@ -167,7 +167,8 @@ fn the_energy_balance_closes_to_rounding() {
             let csv = format!("x,y,z,vx,vy,vz,wx,wy,wz\n{row}\n");
             let make = |dt| scene(&format!("{field}{domain}"), material, shape, dt, &csv);
             let limit = make(1e-6).time_step_limit().expect("there is one").dt;
-            // Before the contact ends: a step across its end is not resolved, and is to be missing.
+            // The run ends before the contact does, as a step across the end of a contact is not resolved and has an energy
+            // error.
             let dt = if domain == FLOOR { 0.2 * limit } else { 1e-4 };
             let mut received = 0.0;
             run(&make(dt), 12, |sim, comm| {
@@ -185,7 +186,7 @@ fn the_energy_balance_closes_to_rounding() {
     }
 }
 
-/// `E = E0 exp(-2 ξ t)` needs nothing but damping: kinetic and dissipated energy are all there is.
+/// `E = E0 exp(-2 ξ t)` with damping alone: kinetic and dissipated energy are all.
 #[test]
 fn global_damping_dissipates_what_the_motion_loses() {
     for part in [0.2, 0.02] {
@@ -204,7 +205,7 @@ fn global_damping_dissipates_what_the_motion_loses() {
     }
 }
 
-/// Kinetic energy and angular momentum of a free body are constants, whatever its shape and spin.
+/// Kinetic energy and angular momentum of a free body are constant for any shape and spin.
 #[test]
 fn free_turns_keep_energy_and_angular_momentum() {
     let bodies = [
@@ -215,7 +216,7 @@ fn free_turns_keep_energy_and_angular_momentum() {
         ("three axes", [0.03, 0.02, 0.01]),
         ("nearly a sphere", [0.0101, 0.01, 0.0099]),
     ];
-    // Along and across, and near the middle axis, about which no turn is stable.
+    // Along and across, and near the middle axis, about which no rotation is stable.
     let spins = [[1.0, 0.01, 0.02], [0.3, 1.0, 0.2], [0.001, 1.0, 0.001], [0.5, 0.5, 0.7]];
     for (name, axes) in bodies {
         for spin in spins {
@@ -234,7 +235,7 @@ fn free_turns_keep_energy_and_angular_momentum() {
                 let energy = sim.measure(&mut comm).rotation;
                 let momentum = sim.particles.angular_momentum(0);
                 for _ in 0..steps {
-                    // A long body that tumbles turns faster than at the start.
+                    // A long tumbling body rotates faster than at the start.
                     match sim.step(&mut comm) {
                         Err(StepError::Fault { .. }) if turn > 0.1 => break,
                         done => done.unwrap_or_else(|e| panic!("{name}, {spin:?}, {turn}: {e}")),
@@ -248,7 +249,7 @@ fn free_turns_keep_energy_and_angular_momentum() {
     }
 }
 
-/// A symmetric top turns about its axis of symmetry, which itself turns about the angular momentum: the closed form.
+/// A symmetric top rotates about its axis of symmetry, which precesses about the angular momentum: closed form.
 #[test]
 fn a_symmetric_top_precesses_with_second_order() {
     let (a, b) = (0.03, 0.01);
@@ -275,15 +276,15 @@ fn a_symmetric_top_precesses_with_second_order() {
     }
 }
 
-/// Far from the origin a drift of 0.6 units in the last place is rounded to whole ones: nearly twice as fast. The contact is
-/// found when the positions touch, on any number of ranks.
+/// Far from the origin a drift of 0.6 units in the last place is rounded to whole units, nearly twice as fast. The contact
+/// is found when the positions touch, on any number of ranks.
 #[test]
 fn slow_motion_far_from_the_origin_is_not_overlooked() {
     let far = f64::from(1 << 20);
     let unit = far * f64::EPSILON;
     let (radius, dt, gap) = (0.01, 1e-5, 480.0);
     let more = format!("[domain]\nlow = [{}, -1, -1]\nhigh = [{}, 1, 1]", far - 1.0, far + 1.0);
-    // So that the surfaces are `gap` units apart, when the places are rounded.
+    // Rounded positions for which the gap of the surfaces is `gap` units.
     let left = far - radius;
     let mut right = far + radius;
     while right - left - 2.0 * radius < gap * unit {
@@ -333,7 +334,7 @@ fn fault(result: Result<(), StepError>) -> (u64, Fault) {
 
 #[test]
 fn a_step_of_more_than_a_radius_stops_with_the_particle_and_a_step_that_works() {
-    // It falls until a step takes it farther than its radius.
+    // The particle falls until a step moves it farther than its radius.
     let (dt, g) = (1e-3, 4000.0);
     let csv = "x,y,z\n0,0,900\n";
     let scene = scene(&format!("gravity = [0, 0, -{g}]\n{WIDE}"), ELASTIC, SPHERE, dt, csv);
@@ -371,7 +372,7 @@ fn a_start_that_is_too_fast_does_not_begin() {
         assert_eq!(step, 0);
         assert!(fault.to_string().contains("particle 0"), "{fault}");
     }
-    // Just below is allowed.
+    // A speed just below the limit is allowed.
     let scene = scene(WIDE, ELASTIC, SPHERE, 1e-4, "x,y,z,vx,vy,vz\n0,0,0,0,0,99\n");
     begun(&scene, &mut comm);
 }

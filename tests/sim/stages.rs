@@ -1,4 +1,4 @@
-//! What a stage takes over from a snapshot, and what it refuses.
+//! State that a stage takes from a snapshot, and snapshots that it rejects.
 
 use crate::support::{MATERIAL, begun, save, scene};
 use dem_mpi::comm::alone::Alone;
@@ -7,7 +7,7 @@ use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
 use dem_mpi::sim::Simulation;
 use std::path::Path;
 
-/// Balls that fall on a floor, with these lines in place of the usual ones.
+/// Balls that fall on a floor, with these parts of the scene.
 fn text(head: &str, law: &str, shapes: &str, fill: &str) -> String {
     format!(
         "{head}\ngravity = [0, 0, -9.81]\n[domain]\nlow = [0, 0, 0]\nhigh = [0.04, 0.04, 0.04]\nwalls = [\"-z\"]\n{law}\n{shapes}\n{fill}\n\
@@ -26,7 +26,7 @@ fn taken(scene: &Scene, folder: &Path, how: Continuation) -> (Simulation, Result
     (sim, taken.map_err(|error| error.to_string()))
 }
 
-/// After so many steps.
+/// Writes a snapshot after a number of steps.
 fn saved(scene: &Scene, steps: u32, folder: &Path) {
     let mut comm = Alone::default();
     let mut sim = begun(scene, &mut comm);
@@ -34,7 +34,7 @@ fn saved(scene: &Scene, steps: u32, folder: &Path) {
     save(&sim, folder, scene, &mut comm);
 }
 
-/// A job that is queued again may find the stage before in the folder that both share: it is not this stage.
+/// A job that is queued again may find the previous stage in a shared folder: it is not this stage.
 #[test]
 fn the_stage_before_is_not_this_one() {
     let folder = tempfile::tempdir().unwrap();
@@ -46,7 +46,7 @@ fn the_stage_before_is_not_this_one() {
     assert!(refused.contains("it is of another stage: its scene's `start` is none"), "{refused}");
     let (mut sim, found) = taken(&next, folder.path(), Continuation::NewStage);
     found.unwrap();
-    // Once it has begun, its own snapshots go on.
+    // After its start the stage's own snapshots can be continued.
     sim.begin(&mut Alone::default()).unwrap();
     save(&sim, folder.path(), &next, &mut Alone::default());
     taken(&next, folder.path(), Continuation::SameStage).1.unwrap();
@@ -54,7 +54,7 @@ fn the_stage_before_is_not_this_one() {
     assert!(refused.contains("it is of another stage"), "{refused}");
 }
 
-/// A shape of which no grain is left may be gone from the scene.
+/// A shape without remaining particles may be missing from the scene.
 #[test]
 fn a_shape_that_nobody_has_may_be_gone() {
     let folder = tempfile::tempdir().unwrap();
@@ -71,7 +71,7 @@ fn a_shape_that_nobody_has_may_be_gone() {
     }
 }
 
-/// What contacts remember under one law is told where the next stage has another.
+/// Contact memory of one law that the next stage's law cannot use is reported.
 #[test]
 fn what_another_law_forgets_is_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -87,7 +87,8 @@ fn what_another_law_forgets_is_told() {
     assert_eq!(told(hertz), ["spring"]);
 }
 
-/// A stage whose sheared box begins elsewhere brings grains in through the face that slides, with the velocity there: once.
+/// A new stage moves the origin of a sheared box, which shifts particles through the sliding face. They get the velocity
+/// there, once.
 #[test]
 fn a_sheared_box_that_begins_elsewhere_has_a_closed_balance() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! Symmetries of mechanics over all shapes and laws: a turned or mirrored scene, one seen from a frame that moves, with other ids, in other units, and
-//! one without losses run backwards.
+//! Symmetries of mechanics over all shapes and laws. A scene is rotated, mirrored, seen from a moving frame, with other ids or in other units, and
+//! one without losses is run backwards.
 
 use crate::support::{Bench, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};
@@ -21,7 +21,7 @@ pub(crate) const SHAPES: [&str; 9] = [
     [[shape]]\nname = \"bar\"\nkind = \"polyhedron\"\nedges = [0.024, 0.009, 0.01]",
 ];
 
-/// Powers of 2 by which lengths, masses and times are larger than in SI.
+/// Units larger than SI by powers of 2, for lengths, masses and times.
 #[derive(Clone, Copy)]
 pub(crate) struct Units {
     length: f64,
@@ -31,7 +31,7 @@ pub(crate) struct Units {
 
 const SI: Units = Units { length: 1.0, mass: 1.0, time: 1.0 };
 
-/// A law with all that it offers, or without losses.
+/// A law with all its features, or without losses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Law {
     Linear,
@@ -87,13 +87,13 @@ impl Law {
     }
 }
 
-/// A cloud of grains that meet each other and a plane.
+/// A cloud of particles that meet each other and a plane.
 #[derive(Clone)]
 pub(crate) struct Cloud {
     pub(crate) shape: String,
     pub(crate) law: Law,
     unit: Units,
-    /// A point of the plane and its normal; or none.
+    /// A point of the plane and its normal, or no plane.
     plane: Option<[Vec3; 2]>,
     pub(crate) gravity: Vec3,
     pub(crate) grains: Vec<Particle>,
@@ -145,7 +145,7 @@ impl Cloud {
         )
     }
 
-    /// All grains after so many steps, in the order of their ids, and how many contacts there were in them: of two grains, and on the plane.
+    /// All particles after a number of steps in the order of their ids, and the summed counts of contacts between particles and on the plane.
     fn after(&self, steps: u32) -> (Vec<Particle>, [u64; 2]) {
         let scene = scene(&self.text());
         let mut bench = Bench::of(&scene, &self.grains);
@@ -164,7 +164,7 @@ impl Cloud {
     }
 }
 
-/// Shapes and laws that go together.
+/// Combinations of shapes and laws.
 pub(crate) fn cases() -> Vec<Cloud> {
     let mut cases = Vec::new();
     for (k, shape) in SHAPES.into_iter().enumerate() {
@@ -177,7 +177,7 @@ pub(crate) fn cases() -> Vec<Cloud> {
     cases
 }
 
-/// How far grains are off others, over the size of a grain, the speed and the turn that go with it.
+/// Largest deviation between particles, over their size, speed and spin.
 fn off(found: &[Particle], expected: &[Particle]) -> f64 {
     let of_one = |(found, expected): (&Particle, &Particle)| {
         assert_eq!(found.id, expected.id);
@@ -191,10 +191,10 @@ fn off(found: &[Particle], expected: &[Particle]) -> f64 {
 }
 
 const STEPS: u32 = 1200;
-/// Collisions make rounding larger.
+/// Tolerance: collisions amplify rounding.
 const ROUNDED: f64 = 1e-6;
 
-/// In each case the grains after some steps, and after being changed, run, and changed back.
+/// Checks in each case that a changed, run and reverted scene gives the particles of the unchanged run.
 fn holds(
     name: &str,
     change: impl Fn(&Cloud) -> Cloud,
@@ -312,7 +312,7 @@ fn ids_are_names() {
 fn units_are_names() {
     let unit = Units { length: 1.0 / 4096.0, mass: 4096.0, time: 64.0 };
     let velocity = unit.length / unit.time;
-    // Those of unions are tables.
+    // Unions have their lengths in tables and are left out.
     for cloud in cases().into_iter().filter(|cloud| !cloud.shape.contains("union")) {
         let mut shape = cloud.shape.clone();
         for line in cloud
@@ -355,7 +355,7 @@ fn units_are_names() {
     }
 }
 
-/// Without losses all grains come back the way they went.
+/// Without losses all particles return along their paths.
 #[test]
 fn what_has_no_losses_runs_backwards() {
     for (k, shape) in SHAPES.into_iter().enumerate() {

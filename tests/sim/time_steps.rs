@@ -1,4 +1,4 @@
-//! The stable limit as a bound, and a step of the program's own that follows it.
+//! The stable limit as a bound, and an automatic step that follows it.
 
 use crate::support::{State, begun, close, save, scene, schedule};
 use dem_mpi::comm::alone::Alone;
@@ -15,13 +15,13 @@ use std::path::Path;
 /// Stiffness of contacts of each material with itself [N/m].
 const STEEL: f64 = 3e8;
 const SOFT: f64 = 1e5;
-/// Overlap at which two balls, or two grains, stick to each other [m].
+/// Overlap at which two balls, or two particles of the shape `grain`, stick to each other [m].
 const STUCK: f64 = 1e-6;
 
-/// Elastic spheres of two materials that stick and never slide, in a box of the harder one: `ball` has a radius of 10 mm, `grain` of 1 mm.
+/// Elastic spheres of two materials that stick and never slide, in a box of the harder one. `ball` has a radius of 10 mm, `grain` of 1 mm.
 fn spheres(walls: &str, fill: &str) -> String {
     let material = |name: &str, density: f64, stiffness: f64, radius: f64| {
-        // The attraction 2π w R* of two of them, with the work w of twice this energy.
+        // The attraction of two of them is 2π w R*, with the work w of twice this energy.
         let energy = stiffness * STUCK / (2.0 * PI * radius);
         format!(
             "[[material]]\nname = \"{name}\"\ndensity = {density:?}\nnormal_stiffness = {stiffness:e}\nfriction = 1e6\nsurface_energy = {energy:e}\n"
@@ -37,7 +37,7 @@ fn spheres(walls: &str, fill: &str) -> String {
     )
 }
 
-/// Grains in layers, where they stick to each other.
+/// Layers of the shape `grain` at the distance at which they stick to each other.
 fn layers(count: [u32; 3]) -> String {
     format!(
         "[[fill.lattice]]\nshapes = [\"grain\"]\nfirst = [0.000999, 0.000999, 0.000999]\nspacing = {:e}\ncount = {count:?}\n",
@@ -49,7 +49,7 @@ fn ball(place: [f64; 3]) -> String {
     format!("[[fill.lattice]]\nshapes = [\"ball\"]\nfirst = {place:?}\ncount = [1, 1, 1]\n")
 }
 
-/// The highest kinetic energy of bodies that are nudged, in steps of a part of the limit, over that in a fourth of the limit.
+/// Ratio of the highest kinetic energies after a random perturbation, with a step of a part of the limit and of a fourth of it.
 fn growth(text: &str, part: f64) -> f64 {
     const LIMITS: f64 = 600.0;
     let highest = |part: f64| {
@@ -63,7 +63,7 @@ fn growth(text: &str, part: f64) -> f64 {
         }
         let mut highest: f64 = 0.0;
         for step in 0..(LIMITS / part) as u64 {
-            // What is thrown out of the domain is unstable, too.
+            // Particles thrown out of the domain are unstable, too.
             if sim.step(&mut comm).is_err() {
                 return f64::INFINITY;
             }
@@ -76,8 +76,8 @@ fn growth(text: &str, part: f64) -> f64 {
     highest(part) / highest(0.25)
 }
 
-/// Steps of the whole limit are stable, whatever meets: one hard ball on a wall, in a corner, on soft grains, two of them; grains in
-/// a corner. Of two balls the limit is the exact one, and 2 % more are not stable.
+/// Steps of the whole limit are stable for all contacts. Cases are one hard ball on a wall, in a corner and on soft particles, two balls, and soft
+/// particles in a corner. For two balls the limit is exact, and 2 % more are unstable.
 #[test]
 fn steps_of_the_whole_limit_are_stable() {
     let walls = |sides: &str| format!("walls = {sides}\nwall_material = \"steel\"");
@@ -100,7 +100,7 @@ fn steps_of_the_whole_limit_are_stable() {
         println!("{name}: {found}");
         assert!(found < 2.0, "{name}: the energy grows {found:e} times");
     }
-    // ω² = 7 k / m of two spheres that turn against each other on a spring as stiff along as across.
+    // ω² = 7 k / m for two spheres that rotate against each other on a spring of equal stiffness along and across.
     let mass = 7200.0 * 4.0 / 3.0 * PI * 1e-6;
     let limit = |case: usize| scene(&cases[case].1).time_step_limit().unwrap().dt;
     close(limit(0), 2.0 / (7.0 * STEEL / mass).sqrt(), 1e-12, "two balls");
@@ -111,7 +111,7 @@ fn steps_of_the_whole_limit_are_stable() {
     assert!((0.5..=1.0).contains(&(limit(2) / exact)), "{:e} s of {exact:e} s", limit(2));
 }
 
-/// Only steel on steel is stiff, and only a ball and a wall are of steel: the limit is that of the grains.
+/// Only steel on steel is stiff, and only a ball and a wall are of steel: the soft particles set the limit.
 #[test]
 fn one_hard_ball_leaves_the_step_of_soft_grains() {
     let floor = "walls = [\"-z\"]\nwall_material = \"steel\"";
@@ -125,7 +125,7 @@ fn one_hard_ball_leaves_the_step_of_soft_grains() {
     let (with_ball, set_by) = limit(&format!("{grains}{}", ball([0.05; 3])));
     assert_eq!(set_by, "grain");
     assert!((0.8..=1.0).contains(&(with_ball / alone)), "{with_ball:e} s, {alone:e} s");
-    // Many of them meet each other.
+    // Many balls meet each other.
     let many = ball([0.02; 3]).replace("count = [1, 1, 1]", "spacing = 0.02\ncount = [3, 3, 3]");
     let (with_many, set_by) = limit(&format!("{grains}{many}"));
     assert_eq!(set_by, "ball");
@@ -133,7 +133,7 @@ fn one_hard_ball_leaves_the_step_of_soft_grains() {
     close(with_many, 2.0 / (40.0 * STEEL / mass).sqrt(), 1e-12, "balls on balls");
 }
 
-/// Beads that fall on a floor that shakes, so soft that the step is too long for what comes.
+/// Beads that fall on a shaking floor, so soft that the first step is too long for the later contacts.
 const FALLING: &str = r#"
 gravity = [0, 0, -9.81]
 [domain]
@@ -171,10 +171,10 @@ duration = 0.05
 history_every = 20
 "#;
 
-/// What a leg leaves: state, step [s], time and shift of the stage [s], and how it ended.
+/// Result of a part of a stage: state, then step, time and time shift of the stage [s], then the end.
 type Left = (State, [f64; 3], Finish);
 
-/// A leg of a stage on so many ranks; from a snapshot in the folder, or from the beginning.
+/// Runs a part of a stage on a number of ranks, from a snapshot in the folder or from the beginning.
 fn leg(scene: &Scene, folder: &Path, ranks: u32, from: Option<u64>, stops: Option<u64>) -> Left {
     let all = threads::run(ranks, |comm| {
         let mut sim = assemble::assemble(scene, comm);
@@ -203,8 +203,8 @@ fn leg(scene: &Scene, folder: &Path, ranks: u32, from: Option<u64>, stops: Optio
     (State::joined(all.into_iter().map(|(state, ..)| state).collect()), times, finish)
 }
 
-/// The step becomes shorter where beads strike, the stage lasts as long, and the shaken floor stands where it should: the same bits on 1, 2 and 3
-/// ranks, and over restarts before and after the change.
+/// The step becomes shorter when beads strike, the duration of the stage stays, and the shaking floor follows its motion. Bits are identical on 1, 2
+/// and 3 ranks, and over restarts before and after the change.
 #[test]
 fn a_step_of_its_own_follows_the_limit() {
     let scene = scene(FALLING);
@@ -234,7 +234,7 @@ fn a_step_of_its_own_follows_the_limit() {
     assert!(again == state && again_times == times, "over restarts: {again_times:?}");
 }
 
-/// What is pressed together at the start has a shorter step from the first one on.
+/// An initial compression shortens the step from the first one on.
 #[test]
 fn a_stage_that_begins_pressed_has_the_step_for_it() {
     let box_of = |walls: f64, more: &str| {
@@ -267,9 +267,9 @@ fn a_stage_that_begins_pressed_has_the_step_for_it() {
     assert!(same == state && same_times == times);
 }
 
-/// A ball that falls on a grain presses it harder than a packing could bear at this step. The grain has two contacts, and the run goes on; a step over
-/// the limit that these leave ends it. Closed form: `2 / √(2 c (k_1 + k_2) / m)` with `k = 2 E* √(R δ)` of a grain on a plane and the
-/// compliance 7/2 of a sphere.
+/// A ball that falls on a particle causes a larger overlap than the step allows in a packing. The particle has only two contacts, so the run
+/// continues; a step over the limit of these contacts ends it. Closed form: `2 / √(2 c (k_1 + k_2) / m)` with `k = 2 E* √(R δ)` for a particle on a
+/// plane and the compliance 7/2 of a sphere.
 #[test]
 fn a_run_ends_for_the_contacts_that_are_there() {
     let (youngs, poisson, small, large): (f64, f64, f64, f64) = (1e9, 0.3, 0.001, 0.01);
@@ -288,7 +288,7 @@ fn a_run_ends_for_the_contacts_that_are_there() {
     let height = 2.0 * small + large - overlaps[0] - overlaps[1];
     let pressed = scene(&text(height, small - overlaps[0], 0.0, 1e-9));
     let sim = begun(&pressed, &mut Alone::default());
-    // The floor has the modulus of the grains.
+    // The floor has the modulus of the particles.
     let stiffness: f64 = overlaps.iter().map(|overlap| modulus * (small * overlap).sqrt()).sum();
     let mass = 2500.0 * 4.0 / 3.0 * PI * small.powi(3);
     let right = 2.0 / (2.0 * 3.5 * stiffness / mass).sqrt();
@@ -323,7 +323,7 @@ fn a_run_ends_for_the_contacts_that_are_there() {
     }
 }
 
-/// Overlaps stay where a stage has stiffer contacts: all forces are five times as large, and that is said.
+/// Overlaps persist into a stage with stiffer contacts: all forces are five times larger, with a warning.
 #[test]
 fn contacts_that_jump_between_stages_are_warned_of() {
     let text = |law: &str, material: &str, rest: &str| {
@@ -392,7 +392,7 @@ fn contacts_that_jump_between_stages_are_warned_of() {
     }
 }
 
-/// A servo is warned of by what it presses, not by the overlap that a step is found for.
+/// The warning for a servo depends on its stress and not on the overlap that the step assumes.
 #[test]
 fn a_servo_is_warned_of_by_its_own_stress() {
     let (youngs, poisson) = (1e9_f64, 0.2_f64);
@@ -414,7 +414,7 @@ fn a_servo_is_warned_of_by_its_own_stress() {
     assert!(warning.contains(&words), "{warning}, not {words}");
 }
 
-/// Mistakes that nothing but a warning can tell.
+/// Likely mistakes that only a warning can report.
 #[test]
 fn what_is_most_often_a_mistake_is_warned_of() {
     let text = |walls: &str, velocity: f64, every: u64, outlet: &str| {

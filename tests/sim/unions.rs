@@ -1,4 +1,4 @@
-//! Bodies of several pieces move as the rigid bodies that they are.
+//! Bodies of several pieces move as rigid bodies.
 
 use super::verification::cases::free_motion::half_period;
 use crate::shape::unions::JACK;
@@ -14,7 +14,7 @@ const BALL: &str = "[[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.01
 const CUBE: &str =
     "[[shape]]\nname = \"cube\"\nkind = \"polyhedron\"\nedges = [0.02, 0.02, 0.02]\n";
 
-/// A scene of a union of one shape at places [m].
+/// Scene of a union of one shape at positions [m].
 fn of_pieces(piece: &str, places: &[[f64; 3]], rest: &str) -> String {
     let name = if piece == BALL { "ball" } else { "cube" };
     let mut text = "[[shape]]\nname = \"body\"\nkind = \"union\"\npieces = [".to_owned();
@@ -24,8 +24,8 @@ fn of_pieces(piece: &str, places: &[[f64; 3]], rest: &str) -> String {
     format!("{text}]\n{piece}{rest}")
 }
 
-/// Bodies that land on one to four feet at once, and flat on faces: each foot has its spring, and the body the restitution that was asked for.
-/// Blocks in steps of 1/100 of the contact are off by what dashpots lose of it.
+/// Bodies that land on one to four feet at once, and flat on faces. Each foot has its spring, and the body has the requested restitution.
+/// Blocks in steps of 1/100 of the contact deviate by the time step's error of the dashpots.
 #[test]
 fn bodies_bounce_alike_on_any_number_of_feet() {
     let apart = 0.022;
@@ -66,12 +66,12 @@ fn bodies_bounce_alike_on_any_number_of_feet() {
     }
 }
 
-/// A box and the same box in eight blocks slide down a slope, tumble over and come to rest together: on a plane, and on one of triangles.
+/// A box, whole and in eight blocks, slides down a slope, tumbles over and comes to rest. Both move alike, on a plane and on triangles.
 #[test]
 fn a_cut_box_moves_as_the_whole() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("slope.obj");
-    // As high as a plane with the normal (0.3, 0.1, 1) is.
+    // Heights of a plane with the normal (0.3, 0.1, 1).
     let mut square = String::new();
     for [x, y] in [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [0.013, 0.007]] {
         writeln!(square, "v {x} {y} {}", -0.3 * x - 0.1 * y).unwrap();
@@ -116,12 +116,12 @@ fn moves_as_the_whole(wall: &str) {
     }
     assert!(touched > 20, "{touched}");
     let [one, other] = benches.each_mut().map(Bench::measure);
-    // Where another piece takes a contact over, its point is seen from there as of now.
+    // When another piece takes over a contact, its point refers to that piece from then on.
     close(other.dissipated, one.dissipated, 1e-4, "dissipated");
 }
 
-/// A body in free flight keeps its energy and its angular momentum. About nearly the middle one of its axes it flips, with the time between
-/// flips of Euler's equations (Landau and Lifshitz 1, section 37); a jack, whose moments are all the same, spins about any axis.
+/// A body in free flight conserves its energy and its angular momentum. Near its middle axis it flips, with the period of Euler's equations
+/// (Landau and Lifshitz 1, section 37). A jack with equal moments spins stably about any axis.
 #[test]
 fn a_body_of_blocks_turns_freely() {
     let tee = [[0.0; 3], [0.02, 0.0, 0.0], [-0.02, 0.0, 0.0], [0.0, 0.02, 0.0]];
@@ -169,7 +169,7 @@ fn a_body_of_blocks_turns_freely() {
     }
 }
 
-/// A trace names the contacts of a body with feet by their bodies, and their forces and torques are those of the body.
+/// A trace names the contacts of a body with feet by their bodies, and their forces and torques add up to those of the body.
 #[test]
 fn a_trace_has_the_contacts_of_pieces() {
     let feet = [[0.0; 3], [0.022, 0.0, 0.0], [0.0, 0.022, 0.0]];
@@ -205,7 +205,7 @@ fn a_trace_has_the_contacts_of_pieces() {
     }
 }
 
-/// An audit leaves out contacts of unions, and says so.
+/// An audit leaves out contacts of unions, and reports it.
 #[test]
 fn audits_say_that_they_leave_out_unions() {
     let feet = [[0.0; 3], [0.022, 0.0, 0.0]];

@@ -1,12 +1,11 @@
-//! The same packing in nanometres, millimetres and kilometres: no number in the program has a length of its own.
+//! One packing in nanometres, millimetres and kilometres: no number in the program has a fixed length.
 
 use crate::support::{begun, scene};
 use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
 
-/// Grains of every kind fall into a box. Seconds and kilograms are what they were, so that stiffness
-/// (N/m = kg/s²) is the same; all lengths, in millimetres here, are multiplied by
-/// `millimetre`, a power of two.
+/// Particles of every kind fall into a box. Seconds and kilograms are unchanged, so stiffness (N/m = kg/s²) is,
+/// too. All lengths, in millimetres here, are multiplied by `millimetre`, a power of two.
 fn text(method: &str, millimetre: f64) -> String {
     let l = |millimetres: f64| format!("{:?}", millimetres * millimetre);
     let v = |x: f64, y: f64, z: f64| format!("[{}, {}, {}]", l(x), l(y), l(z));
@@ -91,7 +90,7 @@ step = 7e-6
     )
 }
 
-/// Every number of every particle, with metres back in millimetres.
+/// Every number of every particle, with lengths converted back to millimetres.
 fn digits(method: &str, millimetre: f64, steps: u64) -> (Vec<Vec<u64>>, usize) {
     let mut comm = Alone::default();
     let mut sim = begun(&scene(&text(method, millimetre)), &mut comm);

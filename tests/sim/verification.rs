@@ -6,7 +6,8 @@ pub(crate) mod cases;
 
 use cases::{Effort, Verdict};
 
-/// Runs the cases of a source, and names those that fail, or are said to fall short and do not.
+/// Runs the cases of a source, and names those with an unexpected result: failures, and known
+/// deviations that no longer occur.
 fn check(source: &str) {
     let run = cases::sources().into_iter().find(|(name, _)| *name == source).expect("a source").1;
     let findings = run(Effort::Quick);

@@ -1,4 +1,4 @@
-//! Made-up tables: every number differs from every other, so that nothing can be mixed up unseen.
+//! Invented tables in which all numbers differ, so that any mix-up shows.
 
 use dem_mpi::cell::Cell;
 use dem_mpi::contact::{ContactRecord, ContactRecords, Geometry, StateColumn};
@@ -13,7 +13,7 @@ use dem_mpi::shape::{Shape, Sphere};
 use dem_mpi::walls::Wall;
 use std::ops::Range;
 
-/// What one rank, or all ranks one after the other, hand to the writer.
+/// Tables for the writer, of one rank or of all ranks in order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Tables {
     pub(crate) particles: ParticleTable,
@@ -21,7 +21,7 @@ pub(crate) struct Tables {
     pub(crate) records: ContactRecords,
 }
 
-/// Numbers that are exact nowhere and all different.
+/// Numbers without a short decimal form, all different.
 struct Numbers(u64);
 
 impl Numbers {
@@ -61,7 +61,7 @@ pub(crate) fn header(step: u64) -> Header {
                 normal: n.vector(),
                 velocity: n.vector(),
                 force: n.vector(),
-                // Of one wall more, of others not.
+                // Only one wall has a saved body.
                 body: Wall::of_planes(name.to_owned(), n.vector(), &[(n.vector(), n.vector())])
                     .saved()
                     .filter(|_| name == "lid"),
@@ -85,8 +85,8 @@ pub(crate) fn header(step: u64) -> Header {
     }
 }
 
-/// Two drives, of which one has a column of each type, one of the width of another times its rows, and a text that is longer
-/// than the others. In the order in which a file is read: by name.
+/// Two drives in the order of their names, in which a file is read. One has a column of each type, wide columns, and texts
+/// of different lengths.
 fn drives(n: &mut Numbers) -> Vec<SavedState> {
     let column =
         |name, width, unit, values| SavedColumn::new(StateColumn::new(name, width, unit), values);
@@ -106,7 +106,7 @@ fn drives(n: &mut Numbers) -> Vec<SavedState> {
     ]
 }
 
-/// A table of `rows` particles of all columns if `spinning`, else without the optional ones.
+/// A table of particles for the given rows. It has all columns if `spinning`, otherwise only the required ones.
 pub(crate) fn particles(rank: i32, rows: Range<u64>, spinning: bool) -> ParticleTable {
     let mut table = ParticleTable::default();
     for id in rows {
@@ -155,7 +155,7 @@ pub(crate) fn contacts(rows: Range<u64>) -> ContactTable {
 }
 
 pub(crate) fn records(rows: Range<u64>) -> ContactRecords {
-    // In the order in which a file is read: by name.
+    // Columns are in the order of their names, in which a file is read.
     let mut table = ContactRecords::of(&[
         StateColumn::new("bond", 1, "1"),
         StateColumn::new("spring", 3, "m"),
@@ -170,7 +170,7 @@ pub(crate) fn records(rows: Range<u64>) -> ContactRecords {
     table
 }
 
-/// What rank `rank` of `size` writes: rank 1 has nothing, the others differ in how much they have.
+/// Tables that rank `rank` of `size` writes. Rank 1 has no rows, and the other ranks differ in their number of rows.
 pub(crate) fn of_rank(rank: u32, size: u32, spinning: bool) -> Tables {
     let before = |r: u32| (0..r).filter(|&r| r != 1).map(|r| u64::from(r) * 3 + 11).sum();
     let rows: Range<u64> = if rank < size { before(rank)..before(rank + 1) } else { 0..0 };
@@ -181,7 +181,7 @@ pub(crate) fn of_rank(rank: u32, size: u32, spinning: bool) -> Tables {
     }
 }
 
-/// What all ranks write, one after the other.
+/// Tables of all ranks in order.
 pub(crate) fn of_all(size: u32, spinning: bool) -> Tables {
     let mut all = Tables::default();
     for rank in 0..size {
@@ -197,7 +197,7 @@ pub(crate) fn of_all(size: u32, spinning: bool) -> Tables {
     all
 }
 
-/// The rows of all, dealt out to `size` ranks without any order; rank 1 gets none. All are rank 0's.
+/// All 67 rows, dealt to `size` ranks out of order. Rank 1 gets none, and the rank column is 0.
 pub(crate) fn dealt(rank: u32, size: u32) -> Tables {
     let takers = if size > 1 { u64::from(size) - 1 } else { 1 };
     let place = match rank {
@@ -206,7 +206,7 @@ pub(crate) fn dealt(rank: u32, size: u32) -> Tables {
         rank => Some(u64::from(rank) - 1),
     };
     let mut mine = Tables { records: records(0..0), ..Tables::default() };
-    // 5 and 67 have no common divisor: each row once.
+    // 5 and 67 have no common divisor, so each row occurs once.
     for row in (0..67).map(|k| 5 * k % 67).filter(|row| Some(row * row % takers) == place) {
         mine.particles.append(particles(0, row..row + 1, true));
         mine.contacts.append(contacts(row..row + 1));
@@ -215,7 +215,7 @@ pub(crate) fn dealt(rank: u32, size: u32) -> Tables {
     mine
 }
 
-/// Joins two tables.
+/// Appends one table to another.
 trait Append {
     fn append(&mut self, other: Self);
 }

@@ -1,4 +1,4 @@
-//! What tests share: a simulation from a scene's text on one rank, and shapes in another unit.
+//! Shared helpers of the tests: simulations from a scene's text on one rank, and shapes in another unit.
 
 pub(crate) mod made_up;
 pub(crate) mod packings;
@@ -31,7 +31,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Grains with friction and dashpots.
+/// A material with friction and dashpots.
 pub(crate) const MATERIAL: &str = r#"[[material]]
 name = "grain"
 density = 265000.0
@@ -40,7 +40,7 @@ friction = 0.3
 restitution = 0.5
 tangential_damping_ratio = 0.05"#;
 
-/// The tables that every scene needs, where a text leaves them out.
+/// Tables that every scene needs, added where a text has none.
 const BASE: [(&str, &str); 5] = [
     ("[domain]", "low = [-1, -1, 0]\nhigh = [1, 1, 1]\nwalls = [\"-z\"]"),
     ("[[material]]", "name = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4"),
@@ -49,7 +49,7 @@ const BASE: [(&str, &str); 5] = [
     ("[output]", ""),
 ];
 
-/// A scene's text with what it leaves out: a floor, a glass ball at the origin, a step of 1e-5 s and only one of it, a folder.
+/// Completes a scene's text. The defaults are a floor, a glass ball at the origin, one step of 1e-5 s and an output folder.
 pub(crate) fn completed(text: &str) -> String {
     let mut text = text.to_owned();
     for (table, keys) in BASE {
@@ -73,13 +73,13 @@ pub(crate) fn completed(text: &str) -> String {
     text
 }
 
-/// The scene that a text means, completed.
+/// Parses a scene's text, completed.
 pub(crate) fn scene(text: &str) -> Scene {
     Scene::parse(&completed(text), "test", Path::new(""), &[])
         .unwrap_or_else(|errors| panic!("{errors}"))
 }
 
-/// A scene is refused once a part of its text is another, and `said` stands in the message.
+/// Checks that a scene is rejected after a replacement in its text, with `said` in the message.
 pub(crate) fn expect_refused(good: &str, from: &str, to: &str, said: &str) {
     assert!(good.contains(from), "{from}");
     let text = completed(&good.replacen(from, to, 1));
@@ -90,7 +90,7 @@ pub(crate) fn expect_refused(good: &str, from: &str, to: &str, said: &str) {
     assert!(mistakes.contains(said), "{to}: {mistakes}");
 }
 
-/// A number is what is expected, up to a part of it.
+/// Checks a number against the expected one, to a relative tolerance.
 pub(crate) fn close(found: f64, expected: f64, tolerance: f64, what: &str) {
     let off = (found / expected - 1.0).abs();
     println!("{what}: {found:e}, expected {expected:e}, off by {off:.1e}");
@@ -103,7 +103,7 @@ pub(crate) fn reference(name: &str) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{path}: {e}"))
 }
 
-/// A file in `tests/reference` that is JSON.
+/// Parses a JSON file in `tests/reference`.
 pub(crate) fn json(name: &str) -> Value {
     serde_json::from_str(&reference(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
@@ -113,17 +113,17 @@ pub(crate) fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
-/// A body of the first shape that moves and does not turn.
+/// A moving, non-rotating particle of the first shape.
 pub(crate) fn at(id: u64, position: Vec3, velocity: Vec3) -> Particle {
     ball(id, 0, position, velocity)
 }
 
-/// A body of a shape that moves and does not turn.
+/// A moving, non-rotating particle of a shape.
 pub(crate) fn ball(id: u64, shape: u16, position: Vec3, velocity: Vec3) -> Particle {
     Particle { velocity, ..Particle::at_rest(GlobalId(id), ShapeId(shape), position) }
 }
 
-/// The scene's simulation on the ranks of `comm`, with all particles, pairs listed and forces known.
+/// The scene's simulation on the ranks of `comm`, with all particles, listed pairs and known forces.
 pub(crate) fn begun(scene: &Scene, comm: &mut dyn Comm) -> Simulation {
     let mut sim = assemble::assemble(scene, comm);
     assemble::fill(&mut sim, scene, comm);
@@ -148,7 +148,7 @@ pub(crate) fn schedule(scene: &Scene, last_step: u64, out: &Path) -> Schedule {
     }
 }
 
-/// Writes a snapshot of this moment. Collective.
+/// Writes a snapshot of the current state. Collective.
 pub(crate) fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut dyn Comm) {
     let forces = sim.measure(comm).wall_forces;
     let header = sim.header(&scene.text, &forces, comm);
@@ -157,7 +157,7 @@ pub(crate) fn save(sim: &Simulation, directory: &Path, scene: &Scene, comm: &mut
     snapshot::write(directory, &header, &particles, &contacts, &records, comm).unwrap();
 }
 
-/// The bits of what moves each particle, under its id.
+/// Bits of the state of motion of each particle, with its id.
 pub(crate) fn motion(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u64>)> + '_ {
     (0..table.id.len()).map(move |k| {
         let columns = [
@@ -168,7 +168,7 @@ pub(crate) fn motion(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u6
             &table.angular_velocity,
             &table.torque,
         ];
-        // Spheres may have no orientation, and without friction no spin.
+        // Spheres may have no orientation and, without friction, no angular velocity.
         let vectors = columns.iter().filter_map(|column| column.get(k)).flatten().copied();
         let turn = table.quaternion.get(k).into_iter().flatten().copied();
         let row: Vec<f64> = vectors.chain(turn).collect();
@@ -178,7 +178,7 @@ pub(crate) fn motion(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u6
     })
 }
 
-/// The bits of all that is known of each particle, under its id.
+/// Bits of all columns of each particle, with its id.
 pub(crate) fn all_bits(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<u64>)> + '_ {
     motion(table).enumerate().map(|(k, (id, mut row))| {
         let accumulated = table.accumulated.row(k);
@@ -190,7 +190,7 @@ pub(crate) fn all_bits(table: &ParticleTable) -> impl Iterator<Item = (u64, Vec<
     })
 }
 
-/// The bits of what is remembered of each contact, its overlap last, under the ids of both.
+/// Bits of each contact's record with the ids of both partners; the overlap is last.
 fn remembered(records: &ContactRecords) -> impl Iterator<Item = (u64, u64, Vec<u64>)> + '_ {
     records.iter().map(|named| {
         let normal = named.geometry.normal.iter();
@@ -199,25 +199,25 @@ fn remembered(records: &ContactRecords) -> impl Iterator<Item = (u64, u64, Vec<u
     })
 }
 
-/// What servos have saved.
+/// Saved state of the servos.
 pub(crate) fn of_servos(drives: &[SavedState]) -> &SavedState {
     drives.iter().find(|saved| saved.drive == "servos").expect("there are servos")
 }
 
-/// Everything of which the future of a simulation is made, of all its ranks.
+/// Complete state of a simulation on all its ranks.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State {
-    /// Of each particle, under its id.
+    /// Bits of each particle, with its id.
     pub(crate) bits: Vec<(u64, Vec<u64>)>,
-    /// Of each contact, its overlap last, under the ids of both.
+    /// Bits of each contact with the ids of both partners; the overlap is last.
     pub(crate) records: Vec<(u64, u64, Vec<u64>)>,
-    /// Energies [J], places of walls, forces on them, and what drives count.
+    /// Energies [J], positions of walls, forces on them, and counts of the drives.
     scalars: Vec<(String, u64)>,
     pub(crate) drives: Vec<SavedState>,
 }
 
 impl State {
-    /// What one rank knows of it. Collective.
+    /// State of one rank. Collective.
     pub(crate) fn of(sim: &Simulation, comm: &mut dyn Comm) -> Self {
         let m = sim.measure(comm);
         let mut scalars: Vec<(String, f64)> = [
@@ -255,7 +255,7 @@ impl State {
         }
     }
 
-    /// Of what all ranks know.
+    /// Joins the states of all ranks.
     pub(crate) fn joined(ranks: Vec<Self>) -> Self {
         let mut ranks = ranks.into_iter();
         let mut all = ranks.next().expect("a rank");
@@ -269,7 +269,7 @@ impl State {
         all
     }
 
-    /// Tells where another state differs.
+    /// Panics with the first difference from another state.
     pub(crate) fn expect(&self, other: &Self, what: &str) {
         assert_eq!(self.bits.len(), other.bits.len(), "{what}: number of particles");
         let rows = self.bits.iter().zip(&other.bits);
@@ -281,28 +281,28 @@ impl State {
         assert_eq!(self.drives, other.drives, "{what}: drives");
     }
 
-    /// What all walls have given to the grains [J].
+    /// Work of all walls on the particles [J].
     pub(crate) fn work_of_walls(&self) -> f64 {
         let ledger = self.drives.iter().find(|saved| saved.drive == "ledger").expect("walls work");
         ledger.reals(&StateColumn::new("work", 1, "J")).unwrap().iter().sum()
     }
 
-    /// One of the scalars.
+    /// The first scalar with this name.
     pub(crate) fn number(&self, name: &str) -> f64 {
         *self.numbers(name).first().unwrap_or_else(|| panic!("no {name}"))
     }
 
-    /// Those with this name: the place of a wall is three coordinates and a quaternion (x, y, z, w).
+    /// All scalars with this name. The position of a wall has three coordinates and a quaternion (x, y, z, w).
     pub(crate) fn numbers(&self, name: &str) -> Vec<f64> {
         let found = self.scalars.iter().filter(|(of, _)| of == name);
         found.map(|(_, bits)| f64::from_bits(*bits)).collect()
     }
 }
 
-/// A scene on ranks that are threads.
+/// A scene that runs on ranks that are threads.
 pub(crate) struct OnRanks<'a> {
     pub(crate) scene: &'a Scene,
-    /// Without particles yet.
+    /// Assembles the simulation, without particles.
     pub(crate) assembled: fn(&Scene, &mut dyn Comm) -> Simulation,
 }
 
@@ -311,12 +311,12 @@ impl<'a> OnRanks<'a> {
         Self { scene, assembled: |scene, comm| assemble::assemble(scene, comm) }
     }
 
-    /// After so many steps from the start.
+    /// State after a number of steps from the start.
     pub(crate) fn run(&self, ranks: u32, steps: u64) -> State {
         self.run_and_look(ranks, steps, |_| ()).0
     }
 
-    /// The same, and what is seen then on each rank.
+    /// State after a number of steps, and the result of `look` on each rank.
     pub(crate) fn run_and_look<T: Send>(
         &self,
         ranks: u32,
@@ -331,7 +331,7 @@ impl<'a> OnRanks<'a> {
         (State::joined(states), seen)
     }
 
-    /// The same, saved after some steps and taken up on another number of ranks.
+    /// State after a run that was saved after some steps and restarted on another number of ranks.
     pub(crate) fn restarted(
         &self,
         [before, after]: [u32; 2],
@@ -351,7 +351,7 @@ impl<'a> OnRanks<'a> {
         }))
     }
 
-    /// On one rank, if it is the same on other numbers of them, and over restarts half-way, each from a number of ranks to another.
+    /// State on one rank. Checks that runs on other numbers of ranks, and restarts half-way between two such numbers, give identical bits.
     pub(crate) fn the_same_on(&self, steps: u64, others: &[u32], restarts: &[[u32; 2]]) -> State {
         let alone = self.run(1, steps);
         for &ranks in others {
@@ -362,7 +362,7 @@ impl<'a> OnRanks<'a> {
         alone
     }
 
-    /// It is the same over restarts half-way, each from a number of ranks to another; snapshots go to the folder.
+    /// Checks that restarts half-way, each from one number of ranks to another, give identical bits. Snapshots go to the folder.
     pub(crate) fn leaves_no_trace(
         &self,
         alone: &State,
@@ -376,8 +376,8 @@ impl<'a> OnRanks<'a> {
         }
     }
 
-    /// On one rank, if it is the same on 2, 3, 4 and 8, and across restarts from 3 to 2, from the start and from half-way, whose snapshot is
-    /// left in the folder.
+    /// State on one rank. Checks that 2, 3, 4 and 8 ranks give identical bits, and restarts from 3 ranks to 2, from the start and from half-way.
+    /// The snapshot of half-way stays in the folder.
     pub(crate) fn the_same_everywhere(&self, steps: u64, folder: &Path) -> State {
         let alone = self.the_same_on(steps, &[2, 3, 4, 8], &[]);
         for saved in [0, steps / 2] {
@@ -402,7 +402,7 @@ fn to_step(sim: &mut Simulation, step: u64, comm: &mut dyn Comm) {
     }
 }
 
-/// One rank with just these particles in a scene (whose own are left out).
+/// A simulation on one rank with the given particles; the scene's own particles are left out.
 pub(crate) struct Bench {
     pub(crate) sim: Simulation,
     comm: Alone,
@@ -425,7 +425,7 @@ impl Bench {
         Self { sim, comm }
     }
 
-    /// The same, with moments of inertia so large that nothing turns.
+    /// A simulation with moments of inertia so large that no particle rotates.
     pub(crate) fn heavy_to_turn(scene: &Scene, particles: &[Particle]) -> Self {
         let mut scene = scene.clone();
         for inertia in &mut scene.library.inertia {
@@ -434,7 +434,7 @@ impl Bench {
         Self::of(&scene, particles)
     }
 
-    /// Takes the velocities as those of half a step before, as references that list them so do.
+    /// Treats the given velocities as those half a step earlier, as some references list them.
     pub(crate) fn with_middle_velocities(mut self) -> Self {
         let (half, damping) = (0.5 * self.sim.dt, self.sim.field.damping);
         for slot in 0..self.sim.particles.owned {
@@ -466,14 +466,15 @@ impl Bench {
         self.sim.measure(&mut self.comm)
     }
 
-    /// The slot of a particle now.
+    /// Current slot of a particle.
     pub(crate) fn slot(&self, id: u64) -> usize {
         let ids = &self.sim.particles.id[..self.sim.particles.owned];
         ids.iter().position(|&other| other == GlobalId(id)).expect("the particle is there")
     }
 }
 
-/// A ball that is pulled along x by a part of the acceleration [m/s²] that friction bears: it stays below it, and slides beyond, held back by it.
+/// Checks that a ball pulled along x sticks below the limit of friction [m/s²] and slides beyond it, slowed by friction. The pull is `part` times
+/// the limit.
 pub(crate) fn slides_beyond(mut bench: Bench, part: f64, limit: f64, steps: u32) {
     let mut after_steps = || {
         (0..steps).for_each(|_| bench.step());
@@ -491,7 +492,7 @@ pub(crate) fn slides_beyond(mut bench: Bench, part: f64, limit: f64, steps: u32)
 
 /// Random rotations as matrices.
 pub(crate) trait Frame {
-    /// One of them; not quite uniform.
+    /// One rotation, from a distribution that is not quite uniform.
     fn frame(&mut self) -> Mat3;
 }
 
@@ -507,8 +508,8 @@ pub(crate) fn below(random: &mut Random, limit: u64) -> u64 {
     (random.unit() * limit as f64) as u64
 }
 
-/// The same shape with all lengths times `unit`. Solids are made anew from their corners, which moves the last
-/// bits: compare with `scaled(shape, 1.0)`.
+/// The shape with all lengths times `unit`. Solids are rebuilt from their corners, which changes the last bits. Compare with `scaled(shape,
+/// 1.0)`.
 pub(crate) fn scaled(shape: &Shape, unit: f64) -> Shape {
     let times = |points: &[Vec3]| points.iter().map(|p| p * unit).collect::<Vec<_>>();
     match shape {

@@ -1,4 +1,4 @@
-//! Packings made up in memory, as snapshots; benchmarks/lai2021 tests with them, too.
+//! Packings in memory, as snapshots; the tests of benchmarks/lai2021 use them, too.
 
 use super::random::Draw;
 use dem_mpi::cell::Cell;
@@ -124,8 +124,8 @@ pub(crate) fn push_force(
     table.shear_force.push(shear);
 }
 
-/// `side`³ ellipsoids at random orientations about a lattice in a box with a floor and four sides;
-/// neighbours are taken to touch, with forces that grow downwards.
+/// `side`³ ellipsoids at random orientations near a lattice in a box with a floor and four sides.
+/// Neighbours count as touching, with forces that increase downwards.
 pub(crate) fn ellipsoids(side: u32, seed: u64) -> Snapshot {
     let mut dice = Random::of(seed, 0);
     let spacing = 2.6e-3;
@@ -196,12 +196,12 @@ pub(crate) fn ellipsoids(side: u32, seed: u64) -> Snapshot {
     Snapshot { header, particles, contacts }
 }
 
-/// 27 grains between a floor, four sides, and a lid at this height [m].
+/// 27 particles between a floor, four sides, and a lid at this height [m].
 pub(crate) fn closed(height: f64) -> Snapshot {
     with_lid(ellipsoids(3, 9), height)
 }
 
-/// 125 grains between walls on all sides, the lid at this height [m], at this step.
+/// 125 particles between walls on all sides, with the lid at this height [m], at this step.
 pub(crate) fn boxed(height: f64, step: u64) -> Snapshot {
     let mut snapshot = with_lid(ellipsoids(5, 8), height);
     let header = &mut snapshot.header;
@@ -221,7 +221,7 @@ fn with_lid(mut snapshot: Snapshot, height: f64) -> Snapshot {
     snapshot
 }
 
-/// Writes a snapshot into a folder, which is made.
+/// Creates a folder and writes a snapshot into it.
 pub(crate) fn store(folder: &Path, snapshot: &Snapshot) {
     let Snapshot { header, particles, contacts } = snapshot;
     snapshot::write(

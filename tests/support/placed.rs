@@ -1,4 +1,4 @@
-//! Two bodies in place, for resolvers of contacts.
+//! Two bodies in place, for contact resolvers.
 
 use super::random::Draw;
 use dem_mpi::contact::{ContactResolver, Outcome, Posed};
@@ -6,7 +6,7 @@ use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::random::Random;
 use dem_mpi::shape::Shape;
 
-/// Two bodies and how they are turned; from the centre of the first to that of the second.
+/// Two bodies with their orientations, and the vector from the first centre to the second.
 #[derive(Clone)]
 pub(crate) struct Case {
     pub(crate) a: (Shape, Mat3),
@@ -15,7 +15,7 @@ pub(crate) struct Case {
 }
 
 impl Case {
-    /// With this overlap along a random normal, or clearance if negative; the least overlap may be less.
+    /// Overlap along a random normal, or clearance if negative; the least overlap may be less.
     pub(crate) fn of(
         a: (Shape, Mat3),
         b: (Shape, Mat3),

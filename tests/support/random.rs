@@ -1,9 +1,9 @@
-//! What tests draw, from the program's own generator.
+//! Random distributions for tests, from the program's own generator.
 
 use dem_mpi::math::Vec3;
 use dem_mpi::random::Random;
 
-/// Distributions that a simulation does not need.
+/// Distributions used only by tests.
 pub(crate) trait Draw {
     /// Uniform in a range.
     fn between(&mut self, low: f64, high: f64) -> f64;

@@ -1,4 +1,4 @@
-//! Conveyor belts: surfaces that move along themselves while their walls stay.
+//! Conveyor belts: moving surfaces of walls at rest.
 
 use crate::support::{Bench, OnRanks, ball, close, scene, schedule};
 use dem_mpi::comm::alone::Alone;
@@ -13,7 +13,7 @@ use std::path::Path;
 const RADIUS: f64 = 0.01;
 const STIFFNESS: f64 = 1e6;
 
-/// A sheet of two triangles across z, from a corner to another [m], for the text of a scene.
+/// Wall text of a sheet of two triangles in a plane of height z, between two corners [m]; writes its file.
 fn sheet(folder: &Path, name: &str, low: [f64; 2], high: [f64; 2], z: f64) -> String {
     let ([x, y], [to_x, to_y]) = (low, high);
     let corners =
@@ -23,7 +23,7 @@ fn sheet(folder: &Path, name: &str, low: [f64; 2], high: [f64; 2], z: f64) -> St
     format!("mesh = {:?}", path.display().to_string())
 }
 
-/// Grains of five kinds on a wall.
+/// Scene of particles of five kinds on a wall.
 fn on_wall(wall: &str, law: &str, own: &str) -> String {
     format!(
         r#"
@@ -80,7 +80,7 @@ const RUBBING: &str = "friction = 0.5\nrestitution = 0.3\ntangential_damping_rat
                        rolling_friction = 0.02\ntwisting_friction = 0.02";
 const TURNING: &str = "rolling = \"spring\"\ntwisting = \"spring\"";
 
-/// One grain of each kind, a little above z = 0, tilted and apart.
+/// One particle of each kind, a little above z = 0, tilted and apart.
 fn grains() -> Vec<Particle> {
     let tilted = rotation_about(&Vec3::new(0.6, 0.8, 0.0), 0.3);
     let heights = [RADIUS, 0.0105, 0.0125, 0.0095, 0.0118];
@@ -93,8 +93,8 @@ fn grains() -> Vec<Particle> {
         .collect()
 }
 
-/// A plane that moves along itself is a belt: by the surface velocity of a plane or of triangles grains of all kinds go the same ways, lose and
-/// receive the same energies.
+/// A belt equals a plane that moves along itself. With the surface velocity of a plane or of triangles, particles of all kinds have the same
+/// paths, losses and received energies.
 #[test]
 fn a_belt_is_a_plane_that_moves_along_itself() {
     let folder = tempfile::tempdir().unwrap();
@@ -103,7 +103,7 @@ fn a_belt_is_a_plane_that_moves_along_itself() {
     let texts = [
         format!("{plane}\nvelocity = [0.3, 0.1, 0]"),
         format!("{plane}\nsurface_velocity = [0.3, 0.1, 0]"),
-        // What does not lie in the plane does nothing.
+        // The component out of the plane has no effect.
         format!("{plane}\nsurface_velocity = [0.3, 0.1, 0.7]"),
         format!("{wide}\nsurface_velocity = [0.3, 0.1, -0.2]"),
     ];
@@ -144,7 +144,7 @@ fn a_belt_is_a_plane_that_moves_along_itself() {
     }
 }
 
-/// A ball put on a belt slips under the friction `μ g` and then rolls with 2/7 of its velocity, from the time `2 v / (7 μ g)` on.
+/// A ball on a belt slips under the friction `μ g` and then rolls with 2/7 of the belt's velocity, from the time `2 v / (7 μ g)` on.
 #[test]
 fn a_ball_on_a_belt_comes_to_roll() {
     let folder = tempfile::tempdir().unwrap();
@@ -159,7 +159,7 @@ fn a_ball_on_a_belt_comes_to_roll() {
     let slips = 2.0 * speed / (7.0 * friction * 9.81);
     let half = (0.5 * slips / scene.dt) as u64;
     (0..half).for_each(|_| bench.step());
-    // The spring stretches until it slips.
+    // The spring stretches until the ball slips.
     let velocity = bench.sim.particles.velocity[0];
     close(velocity.y, friction * 9.81 * half as f64 * scene.dt, 5e-3, "slipping");
     (half..6000).for_each(|_| bench.step());
@@ -169,8 +169,7 @@ fn a_ball_on_a_belt_comes_to_roll() {
     assert_eq!(bench.sim.particles.walls[0].point, Vec3::zeros());
 }
 
-/// Around the end of a belt what does not lie in the plane of a contact does nothing: without friction a ball bounces off the edge as off one that
-/// does not move.
+/// At the end of a belt the velocity out of a contact's plane has no effect. Without friction a ball bounces off the edge like off a belt at rest.
 #[test]
 fn a_belt_does_not_push_over_its_end() {
     let folder = tempfile::tempdir().unwrap();
@@ -187,7 +186,7 @@ fn a_belt_does_not_push_over_its_end() {
     assert!((ends[0].1 - ends[1].1).norm() < 1e-13, "{ends:?}");
 }
 
-/// A box that a wall holds back on a belt: the drive gives the friction times the speed, which is what is dissipated, and the history says so.
+/// A wall holds a box back on a belt. The power of the drive is friction times speed and equals the dissipation, also in the history.
 #[test]
 fn the_power_of_a_belt_is_friction_times_speed() {
     let folder = tempfile::tempdir().unwrap();
@@ -212,7 +211,7 @@ fn the_power_of_a_belt_is_friction_times_speed() {
         let k = names.iter().position(|&known| known == name).unwrap_or_else(|| panic!("{name}"));
         history.lines().skip(1).map(|row| row.split(',').nth(k).unwrap().parse().unwrap()).collect()
     };
-    // It is held under its friction on the side, too: weight and what the side bears.
+    // The box also has friction at its side: the belt carries weight and the load at the side.
     let (down, times) = (column("force_belt_z_N"), column("time_s"));
     let (power, received, dissipated) =
         (column("power_belt_W"), column("received_J"), column("dissipated_J"));
@@ -226,7 +225,7 @@ fn the_power_of_a_belt_is_friction_times_speed() {
     close(column("force_belt_x_N")[to], 0.3 * down[to], 1e-6, "friction");
 }
 
-/// A belt that turns with its wall carries where it points then.
+/// A belt that rotates with its wall carries in the rotated direction.
 #[test]
 fn a_belt_turns_with_its_wall() {
     let wall = "point = [0, 0, 0]\nnormal = [0, 0, 1]\nsurface_velocity = [0.3, 0, 0]\n\
@@ -243,7 +242,7 @@ fn a_belt_turns_with_its_wall() {
     assert!(bench.measure().missing().abs() < 2e-3 * bench.measure().dissipated);
 }
 
-/// Grains of all kinds fall on a belt, which throws them on another one, across a period: the same bits everywhere.
+/// Particles of all kinds fall from one belt on another, across a period: identical bits everywhere.
 #[test]
 fn belts_carry_with_the_same_bits_everywhere() {
     let folder = tempfile::tempdir().unwrap();
@@ -273,7 +272,7 @@ fn belts_carry_with_the_same_bits_everywhere() {
     assert!(missing.abs() < 5e-3 * lost, "{missing:e} {lost:e}");
 }
 
-/// What does nothing is said.
+/// A belt without friction gives a warning.
 #[test]
 fn a_belt_without_friction_is_doubtful() {
     let wall = "point = [0, 0, 0]\nnormal = [0, 0, 1]\nsurface_velocity = [0.3, 0, 0]";

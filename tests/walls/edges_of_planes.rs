@@ -1,4 +1,4 @@
-//! Grains slide, roll and come to rest on a plane of triangles, each over more than a thousand of its edges: nothing of them shows.
+//! Particles slide, roll and come to rest on a plane of triangles, each over more than a thousand edges, without any effect of the edges.
 
 use crate::support::{Bench, State, begun, scene};
 use crate::walls::meshes::{Triangles, write_obj};
@@ -16,24 +16,24 @@ use std::path::Path;
 
 /// Side of the squares of a sheet [m].
 const SQUARE: f64 = 1e-3;
-/// Where the sheet ends along x, and how far it goes to both sides [m].
+/// Ends of the sheet along x, and its extent to both sides [m].
 const ENDS: [f64; 2] = [-0.58, 0.6];
 const HALF_WIDTH: f64 = 0.02;
-/// With which the grains begin to slide [m/s].
+/// Initial speed of the particles [m/s].
 const SPEED: f64 = 2.0;
 const GRAVITY: f64 = 9.81;
-/// Until all have come to rest.
+/// Number of steps until all have come to rest.
 const STEPS: u64 = 18_000;
-/// So many steps lie between two looks.
+/// Number of steps between two comparisons.
 const LOOK: u64 = 50;
 const NAMES: [&str; 4] = ["box", "rod", "ellipsoid", "ball"];
 
 type Triangle = [[f64; 2]; 3];
 
-/// A sheet in two coordinates, along the way and across.
+/// A sheet in two coordinates, along the path and across.
 struct Sheet {
     triangles: Vec<Triangle>,
-    /// Which of them come into each square of a grid.
+    /// Indices of the triangles that overlap each square of a grid.
     in_square: BTreeMap<[i64; 2], Vec<usize>>,
 }
 
@@ -42,7 +42,7 @@ fn square_of(place: f64) -> i64 {
 }
 
 impl Sheet {
-    /// Squares of random corners, askew to the way, cut along either diagonal.
+    /// Squares with random corners, at an angle to the path, cut along either diagonal.
     fn new() -> Self {
         let mut random = Random::of(11, 0);
         let (sine, cosine) = libm::sincos(0.5);
@@ -85,7 +85,7 @@ impl Sheet {
         Self { triangles, in_square }
     }
 
-    /// The triangle in which a point is.
+    /// Index of the triangle that contains a point.
     fn find(&self, point: [f64; 2]) -> Option<usize> {
         let is_in = |triangle: &Triangle| {
             (0..3).all(|k| {
@@ -98,7 +98,7 @@ impl Sheet {
     }
 }
 
-/// A plane through the x axis, along which the grains go: so heights over it are not rounded more at the ends of the way.
+/// A plane through the x axis, along which the particles move, so that heights over it have uniform rounding along the path.
 #[derive(Clone, Copy)]
 struct Floor {
     across: Vec3,
@@ -119,7 +119,7 @@ impl Floor {
         sheet.triangles.iter().map(|triangle| triangle.map(place)).collect()
     }
 
-    /// Just above the floor, those ahead of others that go farther.
+    /// Particles just above the floor, with those of longer paths ahead.
     fn grains(&self) -> Vec<Particle> {
         let tilt = rotation_about(&Vec3::x(), libm::atan2(-self.normal.y, self.normal.z));
         let all = [
@@ -139,7 +139,7 @@ impl Floor {
         (0..).zip(all).map(grain).collect()
     }
 
-    /// The grains on a wall. They lie into it by some 1 % of their size, to which forces of faces are exact.
+    /// Scene of the particles on a wall. Their overlap is about 1 % of their size, to which forces of faces are exact.
     fn scene(&self, wall: &str, folder: &Path) -> Scene {
         let rows = folder.join("grains.csv");
         let mut text = "shape,x,y,z,qw,qx,qy,qz,vx,vy,vz\n".to_owned();
@@ -208,11 +208,12 @@ imbalance = 100
     }
 }
 
-/// Of a grain: force and moment; place, velocity, orientation and spin.
+/// Names of the compared quantities.
 const OF: [&str; 6] = ["force", "moment", "place", "velocity", "orientation", "spin"];
 
-/// How far these are off in one simulation from those in another: over the force of the plane, or the weight if that is more, and the same times
-/// the radius; over half a metre of way, the speed at the start, one, and the spin of rolling at that speed.
+/// Deviation of these quantities between two simulations, relative to scales. Force: the plane's force or the weight, whichever is larger;
+/// moment: that times the radius. Place: half a metre; velocity: the initial speed; orientation: one; spin: that of rolling at the initial
+/// speed.
 fn off(one: &Bench, other: &Bench, id: u64) -> [f64; 6] {
     let (p, q) = (&one.sim.particles, &other.sim.particles);
     let (k, l) = (one.slot(id), other.slot(id));
@@ -230,7 +231,7 @@ fn off(one: &Bench, other: &Bench, id: u64) -> [f64; 6] {
     ]
 }
 
-/// Gives all grains the state that they have in another simulation. What is remembered of contacts stays.
+/// Copies the state of all particles from another simulation. The contact memory stays.
 fn take_over(bench: &mut Bench, other: &Bench) {
     for id in 0..NAMES.len() as u64 {
         let (slot, from) = (bench.slot(id), other.slot(id));
@@ -250,7 +251,7 @@ fn take_over(bench: &mut Bench, other: &Bench) {
     }
 }
 
-/// Over how many edges each grain has come.
+/// Counts of the edges that each particle has crossed.
 struct Edges<'a> {
     sheet: &'a Sheet,
     floor: Floor,
@@ -259,14 +260,14 @@ struct Edges<'a> {
 }
 
 impl Edges<'_> {
-    /// Follows all grains in steps that are short beside a triangle: from one to another is over one edge at least.
+    /// Follows all particles in steps that are short compared with a triangle; each new triangle counts as one edge.
     fn follow(&mut self, bench: &Bench) {
         for id in 0..NAMES.len() {
             let (particles, slot) = (&bench.sim.particles, bench.slot(id as u64));
             let step = particles.velocity[slot] * bench.sim.dt;
             for part in [0.75, 0.5, 0.25, 0.0] {
                 let centre = particles.position[slot] - step * part;
-                // Between two triangles, by rounding, it is in none.
+                // Between two triangles, rounding can place it in none.
                 let foot = [centre.x, centre.dot(&self.floor.across)];
                 let Some(now) = self.sheet.find(foot) else { continue };
                 let before = self.under[id].replace(now);
@@ -280,8 +281,8 @@ fn raise(worst: &mut [f64], by: &[f64]) {
     worst.iter_mut().zip(by).for_each(|(worst, by)| *worst = worst.max(*by));
 }
 
-/// Three runs side by side: on the plane; on the triangles; and on the triangles from the state on the plane at each step, with
-/// their own memory of contacts: that has the forces at equal poses, whatever a difference would grow to.
+/// Three runs side by side: on the plane, on the triangles, and on the triangles with the state copied from the plane at each step. The last has
+/// its own contact memory and gives the forces at equal poses, however the differences would grow.
 fn nothing_shows_on(floor: Floor, of_box: f64) {
     let folder = tempfile::tempdir().unwrap();
     let (file, sheet) = (folder.path().join("sheet.obj"), Sheet::new());
@@ -308,7 +309,7 @@ fn nothing_shows_on(floor: Floor, of_box: f64) {
         touching += plane.sim.contacts.len();
         edges.follow(&plane);
         for (worst, id) in at_equal_poses.iter_mut().zip(0..) {
-            // All but these are taken over.
+            // All other quantities are copied.
             raise(&mut worst[..2], &off(&held, &plane, id)[..2]);
         }
         if step % LOOK == 0 {
@@ -343,10 +344,10 @@ fn nothing_shows_on(floor: Floor, of_box: f64) {
         let most = if *name == "box" { of_box } else { 1e-12 };
         assert!(worst < most, "{name} at equal poses: {worst:e}");
         for (of, off) in OF.iter().zip(of_itself[id]) {
-            // What is off in the forces of the box adds up on its way.
+            // Errors in the forces of the box accumulate along its path.
             let most = match (of.contains("force"), *name) {
                 (false, "box") => 1e-10,
-                // It rocks.
+                // The rod rocks.
                 (_, "rod") => 1e-11,
                 (true, _) => most,
                 (false, _) => 1e-12,
@@ -365,11 +366,11 @@ fn a_thousand_edges_of_a_level_plane_are_not_felt() {
 
 #[test]
 fn a_thousand_edges_of_a_tilted_plane_are_not_felt() {
-    // Corners 0.6 m from the origin are rounded to 1e-16 m, and a box is some 3e-5 m deep in them: two such roundings.
+    // Corners 0.6 m from the origin are rounded to 1e-16 m, and the overlap of a box is about 3e-5 m: two such roundings.
     nothing_shows_on(Floor::tilted(), 8e-12);
 }
 
-/// The sheet lies across all cuts, and the grains roll from rank to rank on it.
+/// The sheet crosses all cuts, and the particles roll from rank to rank on it.
 #[test]
 fn over_a_thousand_edges_bits_are_the_same_on_any_number_of_ranks() {
     let folder = tempfile::tempdir().unwrap();

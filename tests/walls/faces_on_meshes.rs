@@ -1,4 +1,4 @@
-//! Grains with faces on walls of triangles: planes however they are cut, force and moment as the gradient of an energy, equal bits.
+//! Particles with faces on walls of triangles: planes with any triangulation, force and moment as the gradient of an energy, identical bits.
 
 use crate::contact::overlap::{cuboid, derivative, solid, solids};
 use crate::support::random::Draw;
@@ -15,8 +15,8 @@ use dem_mpi::shape::triangle_mesh::TriangleMesh;
 use dem_mpi::shape::{HalfSpace, Shape};
 use std::sync::Arc;
 
-/// How near a body says that it is to a contact with a facet, it is not nearer: over convex edges, too, where the contact passes from face to
-/// face.
+/// A body is never nearer to a contact with a facet than its reported clearance. This holds at convex edges, too, where the contact passes
+/// from face to face.
 #[test]
 fn a_clearance_is_kept_beside_convex_edges() {
     let block = surface(&meshes::cuboid(Vec3::new(-1.0, -1.0, -1.5), Vec3::zeros()));
@@ -25,7 +25,7 @@ fn a_clearance_is_kept_beside_convex_edges() {
     let mut random = Random::of(2, 2);
     let mut seen = [0; 2];
     for k in 0..40_000 {
-        // Near the upper edges, flush or turned.
+        // Near the upper edges, flush or rotated.
         let turn = if k % 3 == 0 {
             Mat3::identity()
         } else {
@@ -59,7 +59,7 @@ fn a_clearance_is_kept_beside_convex_edges() {
     assert!(seen[1] > 3000, "{seen:?}");
 }
 
-/// The surface of a convex polyhedron, of which each triangle is cut into four, so often.
+/// Surface of a convex polyhedron with each triangle cut into four, `times` times.
 fn refined(body: &Shape, times: u32) -> Triangles {
     let Shape::Polyhedron(body) = body else { panic!("no polyhedron") };
     let hull = body.hull();
@@ -93,7 +93,7 @@ fn sharp_solids(random: &mut Random) -> Vec<(String, Shape)> {
     solids
 }
 
-/// Two distances that are as one, at the lower of which bodies share something, while they do not at the other: coming from far away.
+/// Nearly equal distances with and without a common part of two bodies, on an approach from far away.
 fn first_touch(is_shared: impl Fn(f64) -> bool) -> (f64, f64) {
     let (mut within, mut beyond) = (5.0, 5.0);
     while !is_shared(within) {
@@ -106,7 +106,7 @@ fn first_touch(is_shared: impl Fn(f64) -> bool) -> (f64, f64) {
     (within, beyond)
 }
 
-/// Beside edges and tips of any angle a body feels nothing until it touches, and then something: against EPA on convex bodies.
+/// Beside edges and tips of any angle the force starts exactly at touch: against EPA on convex bodies.
 #[test]
 fn nothing_is_felt_beside_an_edge_before_it_is_touched() {
     let mut random = Random::of(2026, 21);
@@ -142,7 +142,8 @@ fn nothing_is_felt_beside_an_edge_before_it_is_touched() {
     }
 }
 
-/// A floor with a pit is a plane to what stands beside the pit, also where triangles of the floor go on in line with a wall of the pit.
+/// A floor with a pit acts as a plane on bodies beside the pit. This holds even where triangles of the floor are in line with a wall of the
+/// pit.
 #[test]
 fn beside_a_pit_a_floor_is_a_plane() {
     let at = |x: f64, y: f64, z: f64| Vec3::new(x, y, z);
@@ -150,7 +151,7 @@ fn beside_a_pit_a_floor_is_a_plane() {
     let square = |[a, b, c, d]: [Vec3; 4]| [[a, b, c], [a, c, d]];
     let mut random = Random::of(2026, 24);
     for (name, pit) in [("wide", 1.0), ("narrow", 0.3)] {
-        // In line with the walls of the pit, and moved out of it.
+        // Lines of the floor in line with the walls of the pit, and moved away from it.
         for moved in [0.0, 0.02, 0.4] {
             let mut floor = Triangles::new();
             let lines = [-4.0, -moved, pit + moved, 4.0];
@@ -202,7 +203,7 @@ fn beside_a_pit_a_floor_is_a_plane() {
     }
 }
 
-/// However the faces of a convex block are cut, a body that presses on it feels the same.
+/// The force of a convex block on a body is independent of the triangulation of its faces.
 #[test]
 fn a_convex_block_is_the_same_however_its_faces_are_cut() {
     let mut random = Random::of(2026, 22);
@@ -231,7 +232,7 @@ fn a_convex_block_is_the_same_however_its_faces_are_cut() {
             let (energy, force) = sum(&whole);
             for mesh in &cut {
                 let (again, other) = sum(mesh);
-                // Thin contacts are rounded.
+                // Thin contacts are affected by rounding.
                 let off = (again - energy).abs() / (energy + 1e-6);
                 worst = worst.max(off).max((other - force).norm() / (force.norm() + 1e-3));
             }
@@ -241,7 +242,7 @@ fn a_convex_block_is_the_same_however_its_faces_are_cut() {
     }
 }
 
-/// With cells for bodies of the size of [`solids`].
+/// A surface with cells for bodies of the size of [`solids`].
 pub(crate) fn surface(triangles: &Triangles) -> Shape {
     let mesh = TriangleMesh::new(triangles, 0.1).expect("a surface");
     Shape::TriangleMesh(Arc::new(mesh.with_cells(2.0).expect("two sides")))
@@ -252,7 +253,7 @@ pub(crate) fn relief(count: usize, width: f64, height: impl Fn(f64, f64) -> f64)
     ragged(count, width, 0.0, height)
 }
 
-/// The same with corners that are moved within by up to this part of a square.
+/// A surface over squares whose inner corners are moved by up to this part of a square.
 pub(crate) fn ragged(
     count: usize,
     width: f64,
@@ -292,7 +293,7 @@ pub(crate) struct Lying<'a> {
     pub(crate) frame: Mat3,
     pub(crate) wall: Mat3,
     pub(crate) scale: f64,
-    /// From the reference point of the wall [m].
+    /// Vector from the reference point of the wall [m].
     pub(crate) centre: Vec3,
 }
 
@@ -311,17 +312,17 @@ impl Lying<'_> {
         self.on(surface).iter().map(|(_, found)| found.energy()).sum()
     }
 
-    /// How far its one contact with a plane of triangles is off that with the plane; `pose` names it.
+    /// Deviation of its one contact with a plane of triangles from that with the plane; `pose` names it in messages.
     pub(crate) fn off_the_plane(&self, flat: &Shape, plane: &Shape, pose: [usize; 2]) -> f64 {
         let expected = self.on_plane(plane).expect("they touch");
         let found = self.on(flat);
         assert_eq!(found.len(), 1, "{pose:?}");
-        // Places are rounded: a thin contact is known to a part of a hundredth of the size.
+        // Rounding of positions limits thin contacts to a fraction of a hundredth of the size.
         let thin = (expected.thickness / (1e-2 * self.scale)).min(1.0);
         difference(&found[0].1, &expected) * thin
     }
 
-    /// Force and moment of all contacts beside the gradient of their energy, over the thickness of the largest.
+    /// Deviation of force and moment of all contacts from the gradient of their energy, over the largest thickness.
     pub(crate) fn error_of_gradient(&self, surface: &Shape) -> f64 {
         let found = self.on(surface);
         let force: Vec3 = found.iter().map(|(_, found)| found.force()).sum();
@@ -347,7 +348,7 @@ impl Lying<'_> {
     }
 }
 
-/// Force and moment, thickness and covariance of one contact beside another, over the thickness.
+/// Deviation of one contact from another in force, moment, thickness and covariance, over the thickness.
 fn difference(one: &Thickness, other: &Thickness) -> f64 {
     let all = [
         (one.force() - other.force()).norm() / other.thickness,
@@ -368,7 +369,7 @@ fn a_plane_of_triangles_is_the_plane() {
         for body in &solids() {
             for k in 0..120 {
                 let scale = 0.5 + random.unit();
-                // Half of them lie flat, or nearly so.
+                // Half of the poses are flat, or nearly so.
                 let frame = if k % 2 == 0 {
                     random.frame()
                 } else {
@@ -380,11 +381,11 @@ fn a_plane_of_triangles_is_the_plane() {
                 let mut lying =
                     Lying { body, frame: wall * frame, wall, scale, centre: Vec3::zeros() };
                 let posed = Posed { scale, ..Posed::new(body, &lying.frame) };
-                // Of the polyhedron in contact, which extends beyond a rounded one.
+                // Depth of the polyhedron used for contacts, which extends beyond a rounded one.
                 let vertices = body.facets().unwrap().vertices().iter();
                 let below = vertices.map(|v| -(frame * v).z * scale).fold(f64::MIN, f64::max);
                 let depth = posed.inscribed_radius() * libm::pow(10.0, -6.0 * random.unit()) * 0.4;
-                // As from a side of the plane that is seen from the front: the body is above it.
+                // The body is above the plane.
                 let place = Vec3::new(random.signed(), random.signed(), below - depth);
                 lying.centre = wall * place;
                 worst = worst.max(lying.off_the_plane(&flat, &plane, [count, k]));
@@ -417,12 +418,12 @@ pub(crate) fn surfaces() -> Vec<(&'static str, Triangles)> {
     ]
 }
 
-/// A height over a surface of this name, or within it [m].
+/// A height above a surface of this name, or within it [m].
 pub(crate) fn above(name: &str) -> f64 {
     if name == "drum" { 0.0 } else { 3.0 }
 }
 
-/// Lowers a body onto a surface, until it shares so much with it.
+/// Lowers a body onto a surface to a given thickness.
 pub(crate) fn lowered<'a>(
     body: &'a Shape,
     surface: &Shape,
@@ -436,7 +437,7 @@ pub(crate) fn lowered<'a>(
     let at = |z: f64| lying.moved(Vec3::z() * z);
     let deepest =
         |z: f64| at(z).on(surface).iter().map(|(_, found)| found.thickness).fold(0.0, f64::max);
-    // From above, in steps that are small beside what is shared.
+    // From above, in steps that are small compared with the thickness.
     let mut z = from;
     while z > -4.0 && deepest(z) < depth {
         z -= 0.4 * depth;
@@ -472,7 +473,7 @@ fn force_and_moment_are_the_gradient_of_the_energy() {
     }
 }
 
-/// Three quarters of a face lie on a table: that is where the table presses, as hard as below a whole face.
+/// Three quarters of a face lie on a table: the force acts there, as strong as below a whole face.
 #[test]
 fn a_block_stands_over_the_edge_of_a_table() {
     let table = surface(&meshes::cuboid(Vec3::new(-4.0, -4.0, -4.0), Vec3::new(0.0, 4.0, 0.0)));
@@ -492,13 +493,13 @@ fn a_block_stands_over_the_edge_of_a_table() {
     assert!(found.force().xy().norm() < 1e-8 * depth, "{found:?}");
 }
 
-/// A brick is thrown onto a plane, and slides and tumbles over its edges and corners: nothing of them shows.
+/// A brick slides and tumbles over the edges and corners of a plane of triangles, without any effect of them.
 #[test]
 fn a_brick_does_not_feel_the_edges_of_a_plane() {
     does_not_feel_the_edges_of_a_plane(meshes::BRICK);
 }
 
-/// Throws a grain onto a plane, and onto one of triangles.
+/// Compares a particle thrown onto a plane with one thrown onto a plane of triangles.
 pub(crate) fn does_not_feel_the_edges_of_a_plane(shape: &str) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("sheet.obj");
@@ -534,7 +535,7 @@ pub(crate) fn does_not_feel_the_edges_of_a_plane(shape: &str) {
         off[1]
     );
     assert!(touching > 2000 && way.norm() > 0.02);
-    // Rounding grows in impacts on corners.
+    // Impacts on corners amplify rounding.
     assert!(off[0] < 1e-9 * largest && off[1] < 1e-9 * 0.01, "{off:?}");
 }
 
@@ -547,7 +548,7 @@ fn a_drum_of_bricks_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     ]);
 }
 
-/// Two shapes of the size of the balls there, in their place.
+/// Checks the drum of the ready scene with two other shapes of the size of its balls.
 pub(crate) fn is_the_same_in_the_drum([one, other]: [&str; 2]) {
     let text = std::fs::read_to_string("run/drum/scene.toml").unwrap();
     let ball = "kind = \"sphere\"\ndiameter = 3e-3";

@@ -1,4 +1,4 @@
-//! Concave folds: contacts with a face that a grain leaves end without a jump, so that energy is kept the better the shorter the step.
+//! Concave folds: contacts with a face that a particle leaves end without a jump, so the energy error falls with the step.
 
 use crate::support::{Bench, scene};
 use crate::walls::meshes::{alone, at, write_obj};
@@ -11,7 +11,7 @@ use std::path::Path;
 const BALL: &str = "kind = \"sphere\"\nradius = 0.01";
 const EGG: &str = "kind = \"ellipsoid\"\nsemi_axes = [0.012, 0.009, 0.007]";
 
-/// Two planes that meet along y in a fold, each so much above the horizontal [rad], with a strip of a width between them [m].
+/// Writes two planes that meet along y in a fold, each inclined by `slope` [rad], with a strip between them [m].
 fn trough(slope: f64, strip: f64, file: &Path) {
     let place = |side: f64, u: f64, v: f64| {
         Vec3::new(side * (0.5 * strip + u * slope.cos()), v, u * slope.sin())
@@ -29,12 +29,12 @@ fn trough(slope: f64, strip: f64, file: &Path) {
     write_obj(&triangles, file);
 }
 
-/// The part of its energy that a grain without losses has made or lost after some passages of a fold.
+/// Relative energy error of a particle without losses after some passages of a fold.
 fn lost(shape: &str, wall: &str, slope: f64, dt: f64) -> f64 {
     let text = alone(shape, wall, Vec3::z() * -9.81, 0.0)
         .replace("step = 1e-5", &format!("step = {dt:?}"))
         .replace("normal_stiffness = 1e5", "normal_stiffness = 400");
-    // 4 % of its radius deep, beside the fold.
+    // Overlap of 4 % of its radius, beside the fold.
     let height = if shape == BALL { 0.0096 } else { 0.0067 };
     let down = Vec3::new(-slope.sin(), 0.0, slope.cos());
     let place = Vec3::new(slope.cos(), 0.0, slope.sin()) * 0.004 + down * height;
@@ -79,8 +79,8 @@ fn energy_is_kept_in_folds_of_any_angle() {
     }
 }
 
-/// The part of their energy that nine balls have made or lost which jump and roll over random heights, up to so much [m], at the corners of squares
-/// a quarter of their size, and what a run says of it.
+/// Relative energy error of nine balls on rough ground, and the warning of the run. The balls jump and roll over random heights of up to `height`
+/// [m] at the corners of squares of a quarter of their size.
 fn lost_on_ground(
     height: f64,
     seed: u64,
@@ -134,7 +134,7 @@ fn lost_on_ground(
     (missing / fastest, said)
 }
 
-/// The sides of the ground are no steeper than 7 degrees.
+/// The slopes of the ground are at most 7 degrees.
 #[test]
 fn energy_is_kept_on_rough_ground() {
     for seed in 0..3 {
@@ -144,7 +144,7 @@ fn energy_is_kept_on_rough_ground() {
     }
 }
 
-/// Where energy is lost at any step, no shorter one is advised; where steps are the cause, one is.
+/// A warning suggests a shorter step only where the step causes the energy error.
 #[test]
 fn a_shorter_step_is_advised_only_where_it_helps() {
     let (lost, said) = lost_on_ground(6e-4, 0, 0.0, 2e3, 60_000);
@@ -165,7 +165,7 @@ fn a_shorter_step_is_advised_only_where_it_helps() {
     assert!(told.contains("with a step of"), "{told}");
 }
 
-/// Where a narrow strip lies in a fold that is one surface, a ball and an ellipsoid have one contact.
+/// With a narrow strip in a fold that counts as one surface, a ball and an ellipsoid have one contact.
 #[test]
 fn a_narrow_strip_makes_no_second_contact() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! Walls with a mass that forces move: an impact, an oscillation, a lid at rest, equal bits.
+//! Walls with a mass that forces move: an impact, an oscillation, a lid at rest, identical bits.
 
 use crate::support::{
     Bench, MATERIAL, OnRanks, ball, close, expect_refused, save, scene, schedule,
@@ -13,7 +13,7 @@ use dem_mpi::sim::run::{Ending, run};
 const RADIUS: f64 = 0.01;
 const STIFFNESS: f64 = 1e5;
 
-/// A ball, perhaps on a floor, and a lid above.
+/// Scene of a ball, optionally on a floor, and a lid above.
 fn below_a_lid(
     mass: f64,
     restitution: f64,
@@ -64,7 +64,7 @@ directory = "out"
     )
 }
 
-/// The lid strikes a ball that floats: both part as two bodies do.
+/// A lid strikes a floating ball: both separate like two bodies.
 #[test]
 fn a_lid_strikes_a_ball_as_a_body_of_its_mass() {
     let (mass, speed) = (0.03, 0.5);
@@ -83,7 +83,8 @@ fn a_lid_strikes_a_ball_as_a_body_of_its_mass() {
     }
 }
 
-/// Held across its direction, a lid is heavier along its normal the more it slides: `restitution` is met at any angle.
+/// A lid guided along a slanted direction has a larger effective mass along its normal. The impact has the requested `restitution` at any
+/// angle.
 #[test]
 fn a_lid_that_slides_bounces_as_its_angle_says() {
     let mass = 0.005;
@@ -103,7 +104,8 @@ fn a_lid_that_slides_bounces_as_its_angle_says() {
     }
 }
 
-/// A wall that a stage leaves moving goes on along a line of the next one with what it has along that, unless that gives it a velocity.
+/// A wall that moves at the end of a stage keeps its velocity component along the next stage's direction. A velocity in that stage
+/// replaces it.
 #[test]
 fn a_free_wall_goes_on_in_another_stage() {
     let text = |along: &str, velocity: &str| {
@@ -112,7 +114,7 @@ fn a_free_wall_goes_on_in_another_stage() {
     };
     let first = scene(&text("[2, 0, 0]", "velocity = [0.3, 0.1, 0]"));
     let mut bench = Bench::of(&first, &[ball(0, 0, Vec3::zeros(), Vec3::zeros())]);
-    // It has no speed yet.
+    // A snapshot before the first step has no contacts.
     let (begin, mut alone) = (tempfile::tempdir().unwrap(), Alone::default());
     save(&bench.sim, begin.path(), &first, &mut alone);
     let reader = Reader::open(&begin.path().join("last.vtkhdf")).unwrap();
@@ -134,7 +136,7 @@ fn a_free_wall_goes_on_in_another_stage() {
         let new = Continuation::NewStage;
         assemble::take_up(&mut sim, &next, folder.path(), new, &mut comm).unwrap();
         sim.begin(&mut comm).unwrap();
-        // Also before its first step, when the first forces are found.
+        // The velocity is also right before the first step, when the first forces are computed.
         let off = (sim.particles.walls[0].velocity - expected).norm();
         assert!(off < 1e-12, "{along} {velocity}: {:?}", sim.particles.walls[0].velocity);
         sim.step(&mut comm).unwrap();
@@ -143,19 +145,19 @@ fn a_free_wall_goes_on_in_another_stage() {
     }
 }
 
-/// A lid that swings on a ball on a floor: the slow mode of two masses and two springs, of second order in the step.
+/// A lid oscillates on a ball on a floor: the slow mode of two masses and two springs, of second order in the step.
 #[test]
 fn a_lid_swings_on_a_ball() {
     let mass = 0.03;
     let off = |dt: f64| {
-        // Pressed so that springs never let go.
+        // The load keeps the springs in compression.
         let (low, load) = (RADIUS, 40.0);
         let lid = "point = [0, 0, 0.0196]\n";
         let text = below_a_lid(mass, 1.0, 0.0, true, lid, dt)
             .replace("mass = 0.03", &format!("mass = 0.03\nforce = {:?}", -load));
         let scene = scene(&text);
         let own = scene.library.mass[0];
-        // Of x'' = -[[2, -1], [-1, 1]] k x over the masses, ball and lid.
+        // Eigenvalues of x'' = -[[2, -1], [-1, 1]] k x over the masses of ball and lid.
         let (a, b, c) = (2.0 * STIFFNESS / own, STIFFNESS / own, STIFFNESS / mass);
         let square = 0.5 * (a + c) - (0.25 * (a - c) * (a - c) + b * c).sqrt();
         let ratio = b / (a - square);
@@ -187,7 +189,7 @@ fn a_lid_swings_on_a_ball() {
     }
 }
 
-/// A lid comes to rest on a ball: the floor bears both.
+/// A lid comes to rest on a ball: the floor carries both.
 #[test]
 fn a_lid_comes_to_rest_with_its_weight() {
     let mass = 0.05;
@@ -203,7 +205,7 @@ fn a_lid_comes_to_rest_with_its_weight() {
     assert!(bench.sim.particles.walls[1].velocity.norm() < 1e-9);
 }
 
-/// A ball that rests does not end its stage before the lid above it has landed, 10 mm lower, after 45 ms; without the lid's mass it does.
+/// A ball at rest does not end its stage before the lid above it has landed, 10 mm lower, after 45 ms. Without the lid's mass it does.
 #[test]
 fn a_stage_goes_on_until_the_lid_has_landed() {
     let (mass, dt) = (0.05, 5e-6);
@@ -229,7 +231,7 @@ fn a_stage_goes_on_until_the_lid_has_landed() {
     assert_eq!(with.ending, Ending::Rest, "{}", with.unmet);
     assert!(with.steps_done > falling, "{} of {falling}", with.steps_done);
     assert!(with.measures.wall_forces[1].z > 0.0, "{:?}", with.measures);
-    // A stage that is too short says what it has waited for.
+    // A stage that is too short reports the unmet condition.
     let short = ended(&falls.replace("steps = 40000", "steps = 5000"));
     assert_eq!(short.ending, Ending::LastStep);
     assert_eq!(short.unmet, "wall \"lid\" moves freely, and no grain touches it");
@@ -245,7 +247,7 @@ fn a_stage_goes_on_until_the_lid_has_landed() {
     );
 }
 
-/// A crowd under a lid that comes down, and that its weight and a force press.
+/// A crowd under a moving lid with its weight and a force.
 fn crowd() -> String {
     format!(
         r#"
@@ -288,7 +290,7 @@ directory = "out"
     )
 }
 
-/// A lid that grains bear from the start goes on from the first snapshot, too.
+/// A lid that particles carry from the start continues from the first snapshot, too.
 #[test]
 fn a_lid_that_is_borne_at_the_start_has_the_same_bits_everywhere() {
     let text = below_a_lid(0.05, 0.5, -9.81, true, "point = [0, 0, 0.0196]\n", 2e-6);
@@ -350,7 +352,7 @@ fn what_cannot_be_free_is_refused() {
     }
 }
 
-/// A lid too light for its grains, and one that nothing bears.
+/// A lid too light for its particles, and one without support.
 #[test]
 fn a_free_wall_says_what_is_wrong() {
     let step_until_error = |text: &str, steps: u64| {

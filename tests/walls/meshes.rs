@@ -1,4 +1,4 @@
-//! Walls of triangles: planes however they are cut, edges and corners in closed form, folds, energy, equal bits.
+//! Walls of triangles: planes with any triangulation, edges and corners in closed form, folds, energy, identical bits.
 
 use crate::support::{Bench, MATERIAL, OnRanks, close, scene};
 use dem_mpi::contact::{AgainstTriangleMesh, ContactResolver, Epa, Outcome, Posed, Touch};
@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 pub(crate) type Triangles = Vec<[Vec3; 3]>;
 
-/// Squares of random corners in a plane, cut along either diagonal; the border is straight.
+/// Squares with random corners in a plane, cut along either diagonal; the border is straight.
 fn sheet(count: usize, width: f64, place: impl Fn(f64, f64) -> Vec3) -> Triangles {
     let mut random = Random::of(5, 0);
     let mut corners = Vec::new();
@@ -37,7 +37,7 @@ fn sheet(count: usize, width: f64, place: impl Fn(f64, f64) -> Vec3) -> Triangle
     cut(count, &corners, &mut random)
 }
 
-/// The triangles of so many squares along each side, cut along either diagonal, from all of their corners row by row.
+/// Triangles of `count` squares along each side, cut along either diagonal, from all of their corners row by row.
 pub(crate) fn cut(count: usize, corners: &[Vec3], random: &mut Random) -> Triangles {
     let at = |i: usize, j: usize| corners[j * (count + 1) + i];
     let mut triangles = Vec::new();
@@ -85,12 +85,12 @@ pub(crate) fn write_obj(triangles: &Triangles, path: &Path) {
     std::fs::write(path, text).unwrap();
 }
 
-/// One particle of a shape and a wall.
+/// Scene of one particle of a shape and a wall.
 pub(crate) fn alone(shape: &str, wall: &str, gravity: Vec3, friction: f64) -> String {
     beside(shape, &format!("[[wall]]\nname = \"wall\"\n{wall}"), gravity, friction)
 }
 
-/// A scene of one grain beside several walls, each a `[[wall]]` of its own.
+/// Scene of one particle and several walls, each with its own `[[wall]]`.
 pub(crate) fn beside(shape: &str, walls: &str, gravity: Vec3, friction: f64) -> String {
     format!(
         r#"
@@ -126,7 +126,7 @@ pub(crate) fn at(position: Vec3, velocity: Vec3) -> Particle {
     Particle { velocity, ..Particle::at_rest(GlobalId(0), ShapeId(0), position) }
 }
 
-/// Smooth grains are thrown onto a plane, and slide and roll over its edges and corners: nothing of them shows.
+/// Smooth particles slide and roll over the edges and corners of a plane of triangles, without any effect of them.
 #[test]
 fn a_plane_of_triangles_is_the_plane() {
     let folder = tempfile::tempdir().unwrap();
@@ -197,7 +197,7 @@ fn touches(mesh: &Arc<TriangleMesh>, body: &Shape, centre: Vec3, turn: Quat) -> 
         .collect()
 }
 
-/// A sphere at a face, an edge, a corner of a box, from all sides: the distance of its centre from the box.
+/// A sphere at a face, an edge and a corner of a box, from all sides: the distance of its centre from the box.
 #[test]
 fn a_sphere_meets_a_box_in_closed_form() {
     let half = Vec3::new(1.0, 0.7, 0.5);
@@ -215,7 +215,7 @@ fn a_sphere_meets_a_box_in_closed_form() {
             continue;
         }
         let found = touches(&mesh, &ball, centre, Quat::identity());
-        // From the outside; a thin box is met at its far side, too.
+        // Contacts from the outside; a sphere may reach the far side of a thin box, too.
         let front: Vec<_> =
             found.iter().filter(|(_, t)| t.normal.dot(&way) < -0.999_999 * way.norm()).collect();
         let overlap = radius - way.norm();
@@ -232,7 +232,7 @@ fn a_sphere_meets_a_box_in_closed_form() {
     assert!(of_kind.iter().all(|&count| count > 300), "{of_kind:?}");
 }
 
-/// The overlap with a box along a direction out of it.
+/// Overlap with a box along a direction out of it.
 fn overlap_along(body: &Posed, centre: &Vec3, half: &Vec3, n: &Vec3) -> f64 {
     -(body.support(&-n) + centre).dot(n) + half.dot(&n.abs())
 }
@@ -262,8 +262,8 @@ fn least(body: &Posed, centre: &Vec3, half: &Vec3) -> (f64, Vec3) {
     best
 }
 
-/// Ellipsoids around a sharp lip, as at the orifice of a silo with walls of a thickness: what EPA finds of the whole wedge, and nothing where
-/// it finds nothing.
+/// Ellipsoids around a sharp lip, like at the orifice of a silo with thick walls. Contacts agree with EPA on the whole wedge and exist only where EPA
+/// finds one.
 #[test]
 fn smooth_grains_meet_a_sharp_lip_only_where_they_overlap_it() {
     for degrees in [25.0, 45.0, 70.0, 100.0] {
@@ -310,7 +310,7 @@ fn smooth_grains_meet_a_sharp_lip_only_where_they_overlap_it() {
                         .min_by(|one, other| deep(one).total_cmp(&deep(other)))
                         .unwrap_or_else(|| panic!("{degrees}: {centre} {turn}: {least:?}"));
                     worst = worst.max((touch.overlap - least.overlap).abs());
-                    // Others are those of a body with the lip far in it.
+                    // Other contacts occur only with the lip far inside the body.
                     for (other, _) in found.iter().filter(|(other, _)| other != facet) {
                         assert!(mesh.are_face_and_edge(*facet, *other), "{found:?} {least:?}");
                         several += 1;
@@ -327,7 +327,7 @@ fn smooth_grains_meet_a_sharp_lip_only_where_they_overlap_it() {
     }
 }
 
-/// A long body beside the rim of a sheet touches only where it comes into the sheet, however far it reaches over the plane of it.
+/// A long body beside the rim of a sheet touches only the sheet itself, however far it reaches over the sheet's plane.
 #[test]
 fn a_long_grain_beside_a_rim_touches_only_what_is_there() {
     let [a, b, c, d] =
@@ -335,7 +335,7 @@ fn a_long_grain_beside_a_rim_touches_only_what_is_there() {
     let mesh = Arc::new(TriangleMesh::new(&[[a, b, c], [a, c, d]], 0.1).unwrap());
     let axes = Vec3::new(1.0, 0.05, 0.07);
     let egg = Shape::Ellipsoid(Ellipsoid { semi_axes: axes });
-    // The least level of the ellipsoid on the sheet: below 1 it comes into it.
+    // Least level of the ellipsoid on the sheet: below 1 they intersect.
     let level = |centre: Vec3, turn: Quat| {
         let seen = |way: Vec3| (turn.inverse() * way).component_div(&axes);
         let (x, y, at) = (seen(Vec3::x()), seen(Vec3::y()), seen(-centre));
@@ -366,7 +366,7 @@ fn a_long_grain_beside_a_rim_touches_only_what_is_there() {
     assert!(met > 300 && apart > 3000, "{met} {apart}");
 }
 
-/// Ellipsoids and superellipsoids at the surface of a box: the least overlap with the whole box, once.
+/// Ellipsoids and superellipsoids at the surface of a box have one contact, with the least overlap with the whole box.
 #[test]
 fn smooth_grains_meet_a_box_once_where_they_overlap_it_least() {
     let half = Vec3::new(1.0, 0.7, 0.5);
@@ -380,7 +380,7 @@ fn smooth_grains_meet_a_box_once_where_they_overlap_it_least() {
         let turn = random.rotation();
         let frame = turn.to_rotation_matrix().into_inner();
         let posed = Posed::new(body, &frame);
-        // So deep along a direction out of the box.
+        // This depth along a direction out of the box.
         let mut out = Vec3::from_fn(|_, _| random.signed());
         match k % 3 {
             0 => out = Vec3::ith(k / 3 % 3, out.x.signum()),
@@ -394,7 +394,7 @@ fn smooth_grains_meet_a_box_once_where_they_overlap_it_least() {
         let found = touches(&mesh, body, centre, turn);
         assert_eq!(found.len(), 1, "{k}: {found:?}, {found_by_force} along {normal}");
         let (facet, touch) = &found[0];
-        // Any direction bounds the least overlap from above: so this is it, to rounding.
+        // Any direction bounds the least overlap from above, so this is the least one to rounding.
         let bound = overlap_along(&posed, &centre, &half, &-touch.normal);
         worst[0] = worst[0].max((touch.overlap - bound).abs());
         worst[1] = worst[1].max(touch.overlap - found_by_force);
@@ -410,7 +410,7 @@ fn smooth_grains_meet_a_box_once_where_they_overlap_it_least() {
     assert!(worst[0] < 1e-14 && worst[1] < 1e-14, "{worst:?}");
 }
 
-/// In the fold between two sheets a ball has two contacts; where they are as good as one sheet, one.
+/// In the fold between two sheets a ball has two contacts, or one if the fold counts as smooth.
 #[test]
 fn a_fold_has_two_contacts_and_a_smooth_one_has_one() {
     let folder = tempfile::tempdir().unwrap();
@@ -443,7 +443,7 @@ fn a_fold_has_two_contacts_and_a_smooth_one_has_one() {
     }
 }
 
-/// A ball on a face beside a slit keeps its contact with the face, whatever the rim beyond the slit does.
+/// A ball on a face beside a slit keeps its contact with the face, independent of the rim beyond the slit.
 #[test]
 fn a_ball_beside_a_slit_rests_on_the_face() {
     let folder = tempfile::tempdir().unwrap();
@@ -475,7 +475,7 @@ fn a_ball_beside_a_slit_rests_on_the_face() {
     assert!(deepest.iter().all(|found| (found / overlap - 1.0).abs() < 1e-9), "{deepest:?}");
 }
 
-/// In a tube that is hardly wider, a ball touches several strips of a fine mesh, which are one surface.
+/// In a tube that is hardly wider, a ball touches several strips of a fine mesh, which count as one surface.
 #[test]
 fn a_ball_in_a_tight_tube_has_one_contact() {
     let folder = tempfile::tempdir().unwrap();
@@ -493,8 +493,8 @@ fn a_ball_in_a_tight_tube_has_one_contact() {
     }
 }
 
-/// Thrown at the edges and corners of a box, without friction and damping, grains keep their energy, to the order of the step;
-/// with friction what is missing of the balance goes as fast.
+/// Particles at the edges and corners of a box conserve energy to the order of the step, without friction and damping. With friction the energy error
+/// falls as fast.
 #[test]
 fn energy_is_kept_over_edges_and_corners() {
     let folder = tempfile::tempdir().unwrap();
@@ -536,14 +536,14 @@ fn energy_is_kept_over_edges_and_corners() {
     }
 }
 
-/// A drum of strips: the ball swings in it as in a cylinder, the better the more strips.
+/// In a drum of strips a ball oscillates like in a cylinder, more accurately with more strips.
 #[test]
 fn a_drum_of_triangles_comes_to_the_cylinder() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("drum.obj");
     let (drum, radius) = (0.05, 0.01);
     let off = |strips: u32| {
-        // Through the middle between corners and strips, by area.
+        // Radius between corners and strips that gives the area of the cylinder.
         let turn = std::f64::consts::TAU / f64::from(strips);
         let wide = drum * (turn / turn.sin()).sqrt();
         let place = |k: u32, y: f64| {
@@ -559,7 +559,7 @@ fn a_drum_of_triangles_comes_to_the_cylinder() {
         }
         write_obj(&triangles, &file);
         let text = alone(BALL, &format!("mesh = {file:?}"), -Vec3::z() * 9.81, 0.0);
-        // It slides to and fro.
+        // The ball slides to and fro.
         let swing: f64 = 0.4;
         let start = Vec3::new(swing.sin(), 0.0, -swing.cos()) * (drum - radius);
         let mut bench = Bench::of(&scene(&text), &[at(start, Vec3::zeros())]);
@@ -583,13 +583,13 @@ fn a_drum_of_triangles_comes_to_the_cylinder() {
     assert!(all[3] < 3e-3, "{all:?}");
 }
 
-/// A tray with a hump of triangles that turns below a crowd.
+/// A rotating tray with a hump of triangles below a crowd.
 fn tray(folder: &Path) -> Scene {
     let file = folder.join("tray.obj");
     let mut triangles =
         sheet(6, 0.08, |u, v| Vec3::new(u, v, 4e-3 * libm::sin(90.0 * u) * libm::sin(110.0 * v)));
     let mut tub = cuboid(Vec3::new(-0.02, -0.02, -0.01), Vec3::new(0.02, 0.02, 0.06));
-    // Without its lid.
+    // The tub has no lid.
     tub.retain(|t| t.iter().any(|c| c.z < 0.0));
     triangles.extend(tub);
     write_obj(&triangles, &file);
@@ -653,7 +653,7 @@ fn a_turning_tray_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     let saved = folder.path().join("saved");
     OnRanks::of(&scene).leaves_no_trace(&alone, steps, &[[1, 3], [4, 1]], &saved);
 
-    // The snapshot has the tray as it stands.
+    // The snapshot has the tray in its current position.
     let reader = Reader::open(&saved).unwrap();
     let mesh = &scene.walls[6].mesh.as_ref().unwrap().surface;
     let axis = Vec3::new(0.1, 0.2, 1.0).normalize();
@@ -665,11 +665,11 @@ fn a_turning_tray_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
         let off = |k: usize| (found[k] - turn * expected[k]).norm();
         assert!((0..3).all(|k| off(k) < 1e-15), "{found:?}");
     }
-    // Six planes, too, each a polygon.
+    // The six planes are exported, too, each as a polygon.
     assert!(export::walls(&reader).unwrap().ends.len() > mesh.len());
 }
 
-/// A box, each side of which is cut into squares of its own, so that corners lie within sides of others.
+/// A box with separately cut sides, so that corners lie within sides of others.
 fn patchwork(half: &Vec3, off: f64) -> Triangles {
     let (mut random, mut all) = (Random::of(3, 0), Vec::new());
     for (side, count) in [5, 3, 4, 7, 2, 6].into_iter().enumerate() {
@@ -689,7 +689,7 @@ fn patchwork(half: &Vec3, off: f64) -> Triangles {
     all
 }
 
-/// Triangles that share no whole sides are a box nevertheless, felt at the distance of its surface and once; with corners that differ, too, if they are welded.
+/// Triangles that share no whole sides still form a box, with one contact at the distance of its surface. Corners that differ slightly can be welded.
 #[test]
 fn sides_that_are_cut_otherwise_than_their_neighbours_hang_together() {
     let half = Vec3::new(1.0, 0.7, 0.5);
@@ -712,7 +712,7 @@ fn sides_that_are_cut_otherwise_than_their_neighbours_hang_together() {
             }
             assert_eq!(touches.is_empty(), way.norm() > radius, "{centre:?}");
             assert!(off > 0.0 || touches.len() <= 1, "{centre:?}: {touches:?}");
-            // A plane that is rough is many, of which the deepest counts.
+            // A rough plane consists of many, and the deepest contact counts.
             let overlaps = touches.iter().map(|(_, touch)| touch.overlap);
             if let Some(overlap) = overlaps.reduce(f64::max) {
                 met += 1;
@@ -726,7 +726,7 @@ fn sides_that_are_cut_otherwise_than_their_neighbours_hang_together() {
     assert!(TriangleMesh::new(&apart, 0.1).unwrap().findings().open_edges > 100);
 }
 
-/// Whatever triangles come, they are a surface or refused, and it takes no time.
+/// Any triangles give a surface or an error, without delay.
 #[test]
 fn any_triangles_are_a_surface_or_refused() {
     let (mut surfaces, mut refused) = (0, 0);
@@ -735,7 +735,7 @@ fn any_triangles_are_a_surface_or_refused() {
         let count = 2 + (20.0 * random.unit()) as usize;
         let flat = if id % 2 == 0 { 0.0 } else { 1.0 };
         let mut corner = || {
-            // Some on a grid, so that many are on sides of others.
+            // Some corners are on a grid, so that many lie on sides of others.
             let place = Vec3::from_fn(|_, _| random.signed());
             let place = if random.unit() < 0.7 { place.map(|x| (3.0 * x).round()) } else { place };
             Vec3::new(place.x, place.y, flat * place.z)
@@ -772,7 +772,7 @@ fn meshes_that_are_no_surface_are_refused_and_others_are_described() {
     );
     let nan = [[at(0.0, 0.0), at(1.0, 1.0), at(f64::NAN, 2.0)]];
     assert_eq!(TriangleMesh::new(&nan, 0.1), Err(SurfaceError::NotFinite(0)));
-    // Twice the same, one without area, one that is turned, and three at one edge.
+    // A duplicate, one without area, one in another orientation, and three at one edge.
     let mut odd = whole.clone();
     odd.push(whole[0]);
     odd.push([at(0.0, 0.0), at(0.0, 0.0), at(1.0, 0.0)]);
@@ -782,7 +782,7 @@ fn meshes_that_are_no_surface_are_refused_and_others_are_described() {
     let findings = mesh.findings();
     assert_eq!((findings.left_out, findings.crowded_edges), (2, 1));
     assert!(mesh.summary().contains("1 edges of three triangles or more"), "{}", mesh.summary());
-    // A ball in front of that edge touches none of it, for the third triangle stands there.
+    // A ball in front of that edge does not touch the edge, as the third triangle stands there.
     let ball = Shape::Sphere(Sphere { radius: 0.1 });
     close(
         touches(&Arc::new(mesh), &ball, Vec3::new(0.95, 0.5, 0.09), Quat::identity()).len() as f64,
@@ -792,7 +792,7 @@ fn meshes_that_are_no_surface_are_refused_and_others_are_described() {
     );
 }
 
-/// A convex polygon is cut into triangles; one with a dent is refused, from whatever corner it begins.
+/// A convex polygon is cut into triangles; a concave one is rejected from any starting corner.
 #[test]
 fn polygons_with_a_dent_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -818,7 +818,7 @@ fn polygons_with_a_dent_are_refused() {
         let angle = 0.8 * std::f64::consts::PI * k as f64;
         [angle.cos(), angle.sin()]
     });
-    // A corner within a side, turned and written with six digits, is no dent.
+    // A corner within a side, rotated and written with six digits, still counts as convex.
     let side = [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     for k in 0..40 {
         let (sine, cosine) = (0.157 * f64::from(k)).sin_cos();
@@ -828,7 +828,7 @@ fn polygons_with_a_dent_are_refused() {
             assert_eq!(read(&turned, first).unwrap().len(), 3, "{k} {first}");
         }
     }
-    // Lines are no faces.
+    // Lines are not faces.
     std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nl 1 2 4 3\np 4\n").unwrap();
     assert_eq!(mesh::triangles(&path).unwrap().len(), 1);
     for first in 0..5 {
@@ -842,7 +842,7 @@ fn polygons_with_a_dent_are_refused() {
     }
 }
 
-/// A binary file with more triangles than it says is refused; a text may be in capitals.
+/// A binary file with more triangles than it declares is rejected; a text may be in capitals.
 #[test]
 fn files_of_stl_are_read_whole() {
     let folder = tempfile::tempdir().unwrap();
@@ -857,7 +857,7 @@ fn files_of_stl_are_read_whole() {
     }
     std::fs::write(&path, &bytes).unwrap();
     assert_eq!(mesh::triangles(&path).unwrap().len(), 2);
-    // One that calls itself `solid`, with as many triangles as a line feed has.
+    // The header begins with `solid`, and the triangle count has the byte of a line feed.
     let mut many = bytes[..84].to_vec();
     many[..11].copy_from_slice(b"solid plate");
     many[80] = 10;
@@ -873,7 +873,7 @@ fn files_of_stl_are_read_whole() {
         std::fs::write(&path, text.replace("0 0 1\nOUTER", &format!("{normal}\nOUTER"))).unwrap();
         assert_eq!(mesh::triangles(&path).unwrap().len(), 1, "{normal}");
     }
-    // A byte order mark, a name that is no UTF-8, line ends of an old Macintosh.
+    // A byte order mark, a name that is not UTF-8, line ends of an old Macintosh.
     let marked = [
         "\u{feff}".as_bytes(),
         b"solid K\xf6rper\r",
@@ -887,7 +887,7 @@ fn files_of_stl_are_read_whole() {
     assert_eq!(mesh::triangles(&path).unwrap().len(), 4);
 }
 
-/// Boxes beside a tilted sheet and boxes through it: by the distances of their corners.
+/// Boxes beside a tilted sheet and boxes through it, by the distances of their corners.
 #[test]
 fn boxes_know_whether_a_triangle_comes_into_them() {
     let place = |u: f64, v: f64| Vec3::new(0.6 * u, v, 0.8 * u);
@@ -909,7 +909,7 @@ fn wavy(u: f64, v: f64) -> Vec3 {
     Vec3::new(u, v, 0.1 * libm::sin(7.0 * u) * libm::sin(5.0 * v))
 }
 
-/// As many triangles as files have: found through cells, little memory for each.
+/// Triangles in numbers like in large files: found through cells, with little memory for each.
 #[test]
 fn a_hundred_thousand_triangles_are_read_and_searched_quickly() {
     let triangles = sheet(224, 2.0, wavy);
@@ -924,11 +924,11 @@ fn a_hundred_thousand_triangles_are_read_and_searched_quickly() {
     }
 }
 
-/// Where balls begin on [`wavy`].
+/// Initial positions of balls on [`wavy`].
 const BEGIN: [[f64; 2]; 5] = [[-0.7, -0.6], [-0.2, 0.5], [0.1, -0.3], [0.4, 0.7], [0.8, -0.1]];
 const BALL_RADIUS: f64 = 0.02;
 
-/// Balls that roll down a surface from a file.
+/// Scene of balls that roll down a surface from a file.
 fn rolling(file: &Path) -> Scene {
     let mut lattices = String::new();
     for [u, v] in BEGIN {
@@ -970,12 +970,12 @@ step = 2e-4
     ))
 }
 
-/// Balls roll on as many triangles as on those near them alone, on any number of ranks.
+/// Balls roll on a large mesh like on the triangles near them alone, on any number of ranks.
 #[test]
 fn balls_roll_on_a_hundred_thousand_triangles_as_on_those_near_them() {
     let folder = tempfile::tempdir().unwrap();
     let all = sheet(224, 2.0, wavy);
-    // Two diameters around all of the way of a ball, which is shorter than two radii.
+    // Two diameters around the whole path of a ball, which is shorter than two radii.
     let reach = 6.0 * BALL_RADIUS;
     let is_near = |corner: &Vec3| BEGIN.iter().any(|&[u, v]| (corner - wavy(u, v)).norm() < reach);
     let near: Triangles = all.iter().filter(|of| of.iter().any(is_near)).copied().collect();

@@ -1,4 +1,4 @@
-//! Walls of triangles and cylinders in periodic domains: what goes through a period is what goes on without one.
+//! Walls of triangles and cylinders in periodic domains act like their unbounded counterparts.
 
 use crate::support::{Bench, MATERIAL, OnRanks, scene};
 use crate::walls::faces_on_meshes;
@@ -10,13 +10,13 @@ use dem_mpi::scene::Scene;
 use std::f64::consts::TAU;
 use std::path::Path;
 
-/// Of the period [m].
+/// Length of the period [m].
 const WIDTH: f64 = 0.06;
 
-/// Bumps that repeat along x and y, from the middle of the first to so many periods on along both, cut into squares.
+/// Bumps that repeat along x and y over a number of periods from the middle of the first, cut into squares.
 fn bumps(periods: [usize; 2]) -> Triangles {
     const COUNT: usize = 12;
-    // All digits of a corner are those of its image.
+    // A corner and its image have identical digits.
     let place = |k: usize| WIDTH * ((k / COUNT) as f64 + (k % COUNT) as f64 / COUNT as f64 - 0.5);
     let wave = |k: usize| libm::cos(TAU * (k % COUNT) as f64 / COUNT as f64);
     let at = |i: usize, j: usize| Vec3::new(place(i), place(j), 2e-3 * wave(i) * wave(j));
@@ -30,7 +30,7 @@ fn bumps(periods: [usize; 2]) -> Triangles {
     triangles
 }
 
-/// STL has seven digits: a border of a period that is none of its numbers is one nevertheless, and a plane goes on through it without a seam.
+/// A border at a period counts even if STL's seven digits do not represent it exactly. A plane continues through it without a seam.
 #[test]
 fn a_plane_from_stl_goes_on_through_a_period() {
     let folder = tempfile::tempdir().unwrap();
@@ -89,7 +89,7 @@ name = "grain"
     ))
 }
 
-/// Steps both until the grain has gone through several periods, and returns how far they come apart at most.
+/// Steps both scenes for several periods. Returns their largest distance, the displacement, and the number of steps with contact.
 fn apart(scenes: [Scene; 2], start: &Particle, steps: usize) -> (f64, Vec3, usize) {
     let mut benches = scenes.map(|scene| Bench::of(&scene, std::slice::from_ref(start)));
     let (mut worst, mut touching) = (0.0_f64, 0);
@@ -138,12 +138,12 @@ fn bumps_of_a_period_are_bumps_without_an_end() {
             way.x, way.y
         );
         assert!(way.x > WIDTH && way.y > 0.5 * WIDTH && touching > 5000, "{way} {touching}");
-        // Rounding grows in every impact.
+        // Every impact amplifies rounding.
         assert!(off < 1e-9 * WIDTH, "{off:e}");
     }
 }
 
-/// A drum of triangles and an exact one, both through the period, with a crowd.
+/// A drum of triangles or an exact one, through the period, with a crowd.
 fn drum(folder: &Path, is_exact: bool) -> Scene {
     let file = folder.join("drum.obj");
     meshes::write_obj(&faces_on_meshes::drum(0.02, 0.01, 40), &file);
@@ -196,7 +196,7 @@ fn a_crowd_in_a_drum_through_a_period_is_the_same_everywhere() {
         let scene = drum(folder.path(), is_exact);
         let state = OnRanks::of(&scene).the_same_everywhere(2500, &folder.path().join("saved"));
         assert!(state.number("wall_contacts") > 20.0, "{}", state.number("wall_contacts"));
-        // None has left.
+        // No particle has left.
         let count = state.bits.len();
         assert!(count > 60, "{count}");
     }

@@ -1,4 +1,4 @@
-//! Spherocylinders that swing in and on a cylinder, with the periods that mechanics of rigid bodies has for them.
+//! Spherocylinders that oscillate in and on a cylinder, with the periods of rigid-body mechanics.
 
 use crate::support::{Bench, close, scene};
 use dem_mpi::ids::{GlobalId, ShapeId};
@@ -9,26 +9,26 @@ use dem_mpi::shape::{Convex, Spherocylinder};
 use std::f64::consts::FRAC_PI_2;
 
 const GRAVITY: f64 = 9.81;
-/// Of the wall, a cylinder about y [m].
+/// Radius of the wall, a cylinder about y [m].
 const WALL: f64 = 0.05;
-/// Of the rod [m].
+/// Radius of the rod [m].
 const RADIUS: f64 = 0.005;
-/// Of its axis [m].
+/// Length of the rod's axis [m].
 const LENGTH: f64 = 0.03;
-/// From the axis of the wall to a rod that lies along it inside [m].
+/// Distance from the axis of the wall to a rod that lies along it inside [m].
 const APART: f64 = WALL - RADIUS;
 
-/// A motion of one coordinate `q` [rad] that swings about 0.
+/// An oscillation of one coordinate `q` [rad] about 0.
 struct Swing<'a> {
     what: &'a str,
     friction: f64,
     stiffness: f64,
     dt: f64,
-    /// The largest `q`.
+    /// Largest `q`.
     most: f64,
-    /// Direction of the rod's axis and place of its centre, from the mass over the stiffness.
+    /// Initial direction of the rod's axis and position of its centre, from the mass over the stiffness.
     start: &'a dyn Fn(f64) -> (Vec3, Vec3),
-    /// `q`, from the direction of the axis and the place of the centre.
+    /// `q` from the direction of the axis and the position of the centre.
     now: &'a dyn Fn(&Vec3, &Vec3) -> f64,
     /// Twice the kinetic energy over mass and `q'²` [m²], and the height of the centre [m].
     inertia_and_height: &'a dyn Fn(f64) -> [f64; 2],
@@ -63,7 +63,7 @@ step = {:?}
         ))
     }
 
-    /// `4 ∫ dq / q'` from 0 to the largest `q`, by the energy, in the angle `t` with `q = sin t` of the largest.
+    /// Period `4 ∫ dq / q'` from 0 to the largest `q`, by the energy, with the substitution `q = sin t` times the largest.
     fn period(&self) -> f64 {
         let count = 1000;
         let slice = FRAC_PI_2 / f64::from(count);
@@ -103,13 +103,13 @@ step = {:?}
     }
 }
 
-/// Squares of the radii of gyration [m²]: about the axis of the rod, and across it.
+/// Squares of the radii of gyration [m²], about the axis of the rod and across it.
 fn gyration() -> [f64; 2] {
     let of = Spherocylinder { length: LENGTH, radius: RADIUS }.gyration();
     [of.x, of.y]
 }
 
-/// A rod along the cylinder goes up and down inside it as a point does, and slower if it rolls.
+/// A rod along the cylinder moves inside it like a point, and slower if it rolls.
 #[test]
 fn a_rod_along_the_cylinder_slides_or_rolls() {
     let [about, _] = gyration();
@@ -155,15 +155,15 @@ fn a_rod_across_the_cylinder_is_a_pendulum() {
     .check();
 }
 
-/// A rod at the bottom that is turned about the vertical stands on its ends, or, if the grain is soft and the angle small, lies on its whole
-/// length as on an elastic foundation, and is lifted by a third as much.
+/// A rod at the bottom, rotated about the vertical, stands on its ends. With a soft material and a small angle it lies on its whole
+/// length like on an elastic foundation. It then rises by a third as much.
 #[test]
 fn a_turned_rod_swings_back() {
     let [_, across] = gyration();
     let end = 0.5 * LENGTH;
     let now = |axis: &Vec3, _: &Vec3| axis.x.atan2(axis.y);
     let hard = 0.1_f64;
-    // How high the rod is that is turned so far, seen from the axis of the cylinder.
+    // Height of the rotated rod relative to the axis of the cylinder.
     let low = |q: f64| -(APART.powi(2) - (end * q.sin()).powi(2)).sqrt();
     Swing {
         what: "turned, hard",
@@ -190,13 +190,13 @@ fn a_turned_rod_swings_back() {
         start: &|pressed| (Vec3::new(soft.sin(), soft.cos(), 0.0), -Vec3::z() * (APART + pressed)),
         now: &now,
         inertia_and_height: &|q| [across, (LENGTH * q).powi(2) / (24.0 * APART)],
-        // It swings as one that lies deeper by its overlap, which is 1.5e-4 of the way to the axis.
+        // Its effective depth includes the overlap, which is 1.5e-4 of the distance to the axis.
         tolerance: 1e-4,
     }
     .check();
 }
 
-/// A rod that lies across on top of the cylinder rocks, as a plank of half its thickness does.
+/// A rod across the top of the cylinder rocks like a plank of half its thickness.
 #[test]
 fn a_rod_rocks_on_a_cylinder() {
     let [_, across] = gyration();

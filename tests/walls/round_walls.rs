@@ -1,4 +1,4 @@
-//! Cylinders and cones as walls: closed forms, all local maxima of the overlap, energy, equal bits, bad input.
+//! Cylinders and cones as walls: closed forms, all local maxima of the overlap, energy, identical bits, bad input.
 
 use crate::support::{Bench, MATERIAL, OnRanks, ball, close, expect_refused, scene};
 use dem_mpi::contact::{AgainstTriangleMesh, ContactResolver, Outcome, Posed, Touch};
@@ -45,12 +45,12 @@ impl Round {
         Arc::new(TriangleMesh::of_revolution(&Vec3::zeros(), &(Vec3::z() * self.height), radii))
     }
 
-    /// The normal away from the axis.
+    /// Normal away from the axis.
     fn normal(&self, angle: f64) -> Vec3 {
         Vec3::new(angle.cos(), angle.sin(), -self.slope).normalize()
     }
 
-    /// How deep a body is along a normal, if it is inside (1) or outside (-1).
+    /// Depth of a body along a normal, inside (1) or outside (-1).
     fn depth(&self, body: &Posed, centre: &Vec3, side: f64, angle: f64) -> f64 {
         let normal = self.normal(angle);
         let steep = (1.0 + self.slope * self.slope).sqrt();
@@ -58,7 +58,7 @@ impl Round {
         side * (deepest.dot(&normal) - self.radius / steep)
     }
 
-    /// Every local maximum (inside) or minimum (outside) of the depth: angle and depth, by dense search and golden section.
+    /// Angle and depth of every local maximum (inside) or minimum (outside), by dense search and golden section.
     fn searched(&self, body: &Posed, centre: &Vec3, side: f64) -> Vec<(f64, f64)> {
         let count = 4000;
         let step = TAU / f64::from(count);
@@ -81,7 +81,7 @@ impl Round {
     }
 }
 
-/// Long and blunt bodies near the surface from both sides: as many contacts as the depth has maxima, as deep.
+/// Long and blunt bodies near the surface on both sides: contacts and maxima of the depth agree in number and depth.
 #[test]
 fn bodies_touch_where_they_are_deepest() {
     let mut random = Random::of(7, 0);
@@ -103,7 +103,7 @@ fn bodies_touch_where_they_are_deepest() {
         let angle = TAU * random.unit();
         let centre = Vec3::new(away * angle.cos(), away * angle.sin(), height);
         let maxima = round.searched(&body, &centre, side);
-        // Where two contacts become one, within two strips, only one of them is found.
+        // Near the merging of two contacts, within two strips, only one of them is found.
         let next = maxima.iter().cycle().skip(1);
         let mut ways = maxima.iter().zip(next).map(|(a, b)| (b.0 - a.0).rem_euclid(TAU));
         if maxima.len() > 1 && ways.any(|way| way < 2.0 * TAU / 64.0) {
@@ -113,7 +113,7 @@ fn bodies_touch_where_they_are_deepest() {
         let mut expected: Vec<f64> = maxima.into_iter().map(|(_, depth)| depth).collect();
         expected.sort_by(f64::total_cmp);
         if side < 0.0 {
-            // From outside only the least is a contact: the others are those of the far side.
+            // From outside only the least is a contact; the others belong to the far side.
             expected.truncate(1);
         }
         expected.retain(|&depth| depth > 0.0);
@@ -132,8 +132,7 @@ fn bodies_touch_where_they_are_deepest() {
     assert!(worst < 1e-13 && counts.iter().all(|&count| count > 10), "{worst:e} {counts:?}");
 }
 
-/// A ball and an egg on the axis of a cone touch it once, as they do beside the axis.
-/// Beside a pin that is thinner than they are long, bodies touch it on their side.
+/// Bodies longer than a thin pin touch it only on their side.
 #[test]
 fn a_thin_pin_is_touched_from_one_side() {
     let pin = Round { radius: 0.1, slope: 0.0, height: 4.0 };
@@ -144,7 +143,7 @@ fn a_thin_pin_is_touched_from_one_side() {
     for (x, overlap) in [(0.29, Some(0.01)), (0.35, None)] {
         let found = touches(&surface, &flat, &Vec3::new(x, 0.0, 2.0));
         let overlaps: Vec<f64> = found.iter().map(|touch| touch.overlap).collect();
-        // On the border of two strips both have it.
+        // At the border of two strips, both have the contact.
         assert_eq!(overlaps.len(), if overlap.is_some() { 2 } else { 0 }, "{x}: {found:?}");
         assert!(
             overlaps.iter().all(|a| overlap.is_some_and(|b| (a - b).abs() < 1e-12)),
@@ -165,7 +164,7 @@ fn a_thin_pin_is_touched_from_one_side() {
     assert!(met > 1000, "{met}");
 }
 
-/// A ball on the axis of a cone, but for rounding, touches it once.
+/// A ball on the axis of a cone, up to rounding, has one contact.
 #[test]
 fn a_ball_on_the_axis_of_a_cone_touches_once() {
     let cone = Round { radius: 0.03, slope: 1.0, height: 0.07 };
@@ -197,7 +196,8 @@ fn what_is_on_the_axis_touches_once() {
     }
 }
 
-/// The deepest overlap of a body with a surface, 0 if it touches none. Of faces, and their edges and corners, those with the least overlap count.
+/// Deepest overlap of a body with a surface, or 0 without contact. If both faces and edges or corners are touched, the smaller of their deepest
+/// overlaps counts.
 fn deepest(surface: &Arc<TriangleMesh>, body: &Posed, centre: &Vec3) -> f64 {
     let found = on_facets(surface, body, centre);
     let is_edge = |&(facet, _): &(u32, Touch)| {
@@ -213,8 +213,8 @@ fn deepest(surface: &Arc<TriangleMesh>, body: &Posed, centre: &Vec3) -> f64 {
     }
 }
 
-/// Below, beside and over both mouths of a cone and a cylinder, bodies touch what they touch of a fine mesh of it, as deep but for the height of its
-/// chords; and a rim is passed without a jump.
+/// Rims at both mouths of a cone and a cylinder, with bodies below, beside and over them. Contacts agree with a fine mesh up to the height of its
+/// chords. The overlap has no jump across a rim.
 #[test]
 fn a_rim_is_felt_as_one() {
     let mut random = Random::of(20, 0);
@@ -251,7 +251,7 @@ fn a_rim_is_felt_as_one() {
             let (rim, beyond) = (at(place, height), if height > 0.0 { 1.0 } else { -1.0 });
             let normal = round.normal(TAU * f64::from(place) / 720.0);
             let along = (at(place, 1.0) - at(place, 0.0)).normalize() * beyond;
-            // So deep along a direction in which the rim faces, or nearly.
+            // This depth along a direction in which the rim faces, or nearly.
             let angle = 0.25 * TAU + (0.25 * TAU + 0.2) * random.signed();
             let out = normal * angle.cos() + along * angle.sin();
             let centre = rim - body.support(&-out) + out * 0.01 * (0.3 - random.unit());
@@ -263,7 +263,7 @@ fn a_rim_is_felt_as_one() {
             );
             worst = worst.max((found - expected).abs());
             seen[usize::from(expected > 0.0)] += 1;
-            // On a straight way no overlap changes faster than the place.
+            // On a straight path no overlap changes faster than the position.
             let step = random.rotation() * Vec3::x() * 2e-4;
             let overlaps: Vec<f64> = (-30..30)
                 .map(|k| deepest(&surface, &body, &(centre + step * f64::from(k))))
@@ -277,7 +277,7 @@ fn a_rim_is_felt_as_one() {
     assert!(seen.iter().all(|&count| count > 300), "{seen:?}");
 }
 
-/// Tablets fall through a cone without a floor: all of them come through, and the balance of energy closes.
+/// Tablets fall through a cone without a floor: all of them pass, and the energy balance closes.
 #[test]
 fn tablets_run_through_a_cone() {
     let ellipsoid = "kind = \"ellipsoid\"\nsemi_axes = [0.004, 0.004, 0.002]";
@@ -324,7 +324,7 @@ fn tablets_run_through_a_cone() {
     }
 }
 
-/// A scene of one shape in a round wall.
+/// Scene of one shape in a round wall.
 fn one(shape: &str, wall: &str, gravity: Vec3, friction: f64, dt: f64) -> String {
     let [gx, gy, gz] = gravity.into();
     format!(
@@ -353,7 +353,7 @@ step = {dt:?}
 
 const CYLINDER: &str = "cylinder = { from = [0, -0.1, 0], to = [0, 0.1, 0], radius = 0.05 }";
 
-/// A ball swings in a cylinder, sliding and rolling, with the period of the closed form.
+/// A ball oscillates in a cylinder, sliding and rolling, with the period of the closed form.
 #[test]
 fn a_ball_swings_in_a_cylinder() {
     let (radius, apart, swing) = (0.01, 0.04, 0.2_f64);
@@ -362,7 +362,7 @@ fn a_ball_swings_in_a_cylinder() {
         let text =
             one("kind = \"sphere\"\nradius = 0.01", CYLINDER, -Vec3::z() * 9.81, friction, dt);
         let scene = scene(&text);
-        // In balance with what presses it outwards, as far as that does not change.
+        // The overlap balances the load at the bottom, as far as the load is constant.
         let pressed = scene.library.mass[0] * 9.81 / 1e5;
         let start = Vec3::new(swing.sin(), 0.0, -swing.cos()) * (apart + pressed);
         let mut bench = Bench::of(&scene, &[ball(0, 0, start, Vec3::zeros())]);
@@ -383,7 +383,7 @@ fn a_ball_swings_in_a_cylinder() {
     }
 }
 
-/// What tumbles without friction keeps its energy, the better the shorter the step, in a cylinder and in a cone.
+/// Particles that tumble without friction conserve energy, better with shorter steps, in a cylinder and in a cone.
 #[test]
 fn energy_is_kept_in_round_walls() {
     let cone = "cone = { from = [0, -0.1, 0], to = [0, 0.1, 0], radius = [0.03, 0.07] }";
@@ -417,7 +417,7 @@ fn energy_is_kept_in_round_walls() {
     }
 }
 
-/// A drum that turns full of grains.
+/// A rotating drum with many particles.
 fn drum() -> String {
     format!(
         r#"

@@ -1,4 +1,5 @@
-//! Spherocylinders on walls of triangles: planes however they are cut, force and moment as the gradient of an energy, equal bits.
+//! Spherocylinders on walls of triangles: planes with any triangulation, force and moment as the gradient of an energy, identical
+//! bits.
 
 use crate::contact::sides::rod;
 use crate::support::Frame;
@@ -12,7 +13,7 @@ use dem_mpi::math::{Mat3, Vec3, rotation_about};
 use dem_mpi::random::Random;
 use dem_mpi::shape::{HalfSpace, Shape};
 
-/// From nearly a ball to a needle.
+/// Rods from nearly a ball to a needle.
 fn rods() -> [Shape; 4] {
     [rod(0.2, 0.6), rod(1.2, 0.4), rod(1.6, 0.1), rod(2.0, 0.02)]
 }
@@ -31,7 +32,7 @@ fn a_plane_of_triangles_is_the_plane() {
         for body in &rods() {
             for k in 0..120 {
                 let scale = 0.5 + random.unit();
-                // A third of them lies along the borders of squares, one flat, one anyhow.
+                // A third of the rods is along the borders of squares, a third lies in the plane, a third is random.
                 let tilt = libm::pow(10.0, -8.0 * random.unit());
                 let frame = match k % 3 {
                     0 => rotation_about(&Vec3::y(), tilt).to_rotation_matrix().into_inner(),
@@ -48,7 +49,7 @@ fn a_plane_of_triangles_is_the_plane() {
                 let up = wall * Vec3::z();
                 let below = -posed.support(&-up).dot(&up);
                 let depth = posed.inscribed_radius() * libm::pow(10.0, -6.0 * random.unit()) * 0.8;
-                // Some stand on the corner of a square or along its border.
+                // Some are over the corner of a square or along its border.
                 let mut place = Vec3::new(random.signed(), random.signed(), below - depth);
                 if k % 4 == 0 {
                     place.y = 0.0;
@@ -101,7 +102,7 @@ fn a_drum_of_rods_is_the_same_on_any_number_of_ranks_and_after_a_restart() {
     ]);
 }
 
-/// A rod across a sharp ridge: `δ` is a parabola, as of crossed rods.
+/// A rod across a sharp ridge: `δ` is a parabola, like for crossed rods.
 #[test]
 fn a_rod_crosses_a_ridge_in_closed_form() {
     let slope = libm::tan(1.2);
@@ -117,13 +118,13 @@ fn a_rod_crosses_a_ridge_in_closed_form() {
         assert!((found.thickness.powi(2) / squared - 1.0).abs() < 1e-3, "{turn}: {found:?}");
         let force = 24.0 / 35.0 * depth;
         assert!((found.force() + Vec3::z() * force).norm() < 1e-3 * depth, "{turn}: {found:?}");
-        // Where the axis crosses the ridge.
+        // The point at which the axis crosses the ridge.
         let place = Vec3::new(-0.2, -0.2 * libm::tan(turn), found.point.z);
         assert!((found.point - place).norm() < 1e-6, "{turn}: {found:?}");
     }
 }
 
-/// A plate with square holes: rods are pushed over it and turned, through all that their axes can meet, and the energy has no jump.
+/// A plate with square holes: rods are pushed over it and rotated, through all positions of their axes, and the energy has no jump.
 #[test]
 fn energy_has_no_jump_over_holes_and_folds() {
     let mut random = Random::of(20_261_126, 3);
@@ -152,7 +153,7 @@ fn energy_has_no_jump_over_holes_and_folds() {
                 let energy = |part: f64| {
                     lying.moved(way * part).turned(&Vec3::z(), 0.5 * part).energy(&surface)
                 };
-                // Into the step in which the energy changes most, again and again.
+                // Refines repeatedly the step in which the energy changes most.
                 let (mut from, mut step, mut change) = (0.0, 1.0, 0.0);
                 while step > 1e-9 {
                     step /= 400.0;

@@ -10,9 +10,9 @@ use dem_mpi::shape::{HalfSpace, Shape, Spherocylinder, TriangleMesh};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
-/// A cylinder or a cone about y, from -4 to 4, and a rod on one side of it.
+/// A cylinder or a cone about y, from -4 to 4, and the side of the rod.
 struct Round {
-    /// At y = 0.
+    /// Radius at y = 0.
     radius: f64,
     slope: f64,
     /// 1 inside, -1 outside.
@@ -26,7 +26,7 @@ impl Round {
         Shape::TriangleMesh(Arc::new(surface))
     }
 
-    /// How deep the sphere about a point of the axis is.
+    /// Depth of the sphere about a point of the axis.
     fn depth(&self, lying: &Lying, s: f64) -> f64 {
         let Shape::Spherocylinder(Spherocylinder { length, radius }) = lying.body else {
             panic!("{:?}", lying.body)
@@ -36,13 +36,13 @@ impl Round {
         radius - self.side * across / libm::hypot(1.0, self.slope)
     }
 
-    /// All of these depths at the middles of so many parts.
+    /// Depths at the middles of `count` parts of the axis.
     fn depths(&self, lying: &Lying, count: usize) -> Vec<f64> {
         let place = |k: usize| -1.0 + (2 * k + 1) as f64 / count as f64;
         (0..count).map(|k| self.depth(lying, place(k))).collect()
     }
 
-    /// A rod in any pose, pressed onto the surface until it is so deep.
+    /// A rod in a given orientation, pressed onto the surface to a depth.
     fn pressed<'a>(&self, body: &'a Shape, frame: Mat3, depth: f64, y: f64) -> Option<Lying<'a>> {
         let at = |x: f64| Lying {
             body,
@@ -65,7 +65,7 @@ impl Round {
         Some(at(free))
     }
 
-    /// `D²` of all chains, as it is defined.
+    /// `D²` of all chains by its definition.
     fn defined(&self, lying: &Lying) -> f64 {
         const COUNT: usize = 40_000;
         let depths = self.depths(lying, COUNT);
@@ -100,7 +100,7 @@ impl Round {
     }
 }
 
-/// Where numbers have minima that are more than rounding, but for the ends.
+/// Indices of the inner minima of a sequence that are deeper than rounding.
 fn dips(numbers: &[f64]) -> Vec<usize> {
     let (mut dips, mut falls, mut extreme) = (Vec::new(), false, 0);
     for (k, number) in numbers.iter().enumerate() {
@@ -117,19 +117,19 @@ fn dips(numbers: &[f64]) -> Vec<usize> {
     dips
 }
 
-/// From nearly a ball to a needle.
+/// Rods from nearly a ball to a needle.
 fn rods() -> [Shape; 4] {
     [rod(0.1, 0.3), rod(0.8, 0.2), rod(1.4, 0.06), rod(1.6, 0.02)]
 }
 
-/// A wide and a narrow one of each kind, from both sides.
+/// A wide and a narrow wall of each kind, from both sides.
 fn walls() -> Vec<Round> {
     let all = [(1.0, 0.0), (1.2, 0.15), (1.5, -0.3), (0.3, 0.0), (0.6, 0.1), (30.0, 0.0)];
     let of = |(radius, slope)| [1.0, -1.0].map(|side| Round { radius, slope, side });
     all.into_iter().flat_map(of).collect()
 }
 
-/// Poses of all rods on all walls: any, nearly along the axis, and across it.
+/// Poses of all rods on all walls: random, nearly along the axis, and across it.
 fn poses(mut visit: impl FnMut(&Round, &Shape, Lying)) {
     let mut random = Random::of(20_261_126, 4);
     for round in walls() {
@@ -198,7 +198,7 @@ fn force_and_moment_are_the_gradient_of_the_energy() {
     assert!(worst < 1e-6, "{worst:e}");
 }
 
-/// A cylinder of flat strips comes to the exact one with the square of their width.
+/// A cylinder of flat strips converges to the exact one with the square of their width.
 #[test]
 fn strips_of_triangles_come_to_the_cylinder() {
     let round = Round { radius: 1.0, slope: 0.0, side: 1.0 };
@@ -222,7 +222,7 @@ fn strips_of_triangles_come_to_the_cylinder() {
     assert!(worst[2] < 0.3 * worst[1] && worst[1] < 0.3 * worst[0] && worst[2] < 0.01, "{worst:?}");
 }
 
-/// On a very wide cylinder a rod has the force of the plane, wherever it lies.
+/// On a very wide cylinder a rod has the force of the plane at any position.
 #[test]
 fn a_wide_cylinder_is_a_plane() {
     let wide = 1e7;
@@ -245,11 +245,11 @@ fn a_wide_cylinder_is_a_plane() {
         }
     }
     println!("{worst:.1e}");
-    // Places are rounded to 2e-9, depths are 2e-3, and the surface bends by 3e-8.
+    // Positions are rounded to 2e-9, depths are 2e-3, and the surface deviates from a plane by 3e-8.
     assert!(worst < 5e-5, "{worst:e}");
 }
 
-/// Below, beside and over the end of a cylinder, rods feel its rim as that of fine strips, and energies have no jump there.
+/// Below, beside and over the end of a cylinder, its rim acts on rods like that of fine strips, and energies have no jump there.
 #[test]
 fn rods_feel_rims() {
     let round = Round { radius: 1.0, slope: 0.0, side: 1.0 };
@@ -262,7 +262,7 @@ fn rods_feel_rims() {
         let Shape::Spherocylinder(Spherocylinder { length, radius }) = body else { unreachable!() };
         for _ in 0..60 {
             let frame = random.frame();
-            // One place of the axis is so far from a place of the rim, on its outer side.
+            // One point of the axis is at this distance from a point of the rim, on its outer side.
             let (turn, around) = (TAU * random.unit(), PI * random.unit());
             let across = Vec3::new(turn.cos(), 0.0, turn.sin());
             let rim = across + Vec3::y() * 4.0;
@@ -277,7 +277,7 @@ fn rods_feel_rims() {
                 centre: place(depth),
             };
             let depth = 0.2 * radius;
-            // Another place of the axis may be deeper, or on the other side.
+            // Another point of the axis may be deeper, or on the other side.
             let nearest = (-100..=100)
                 .map(|k| place(depth) + frame * Vec3::x() * (0.005 * length * f64::from(k)))
                 .map(|place| {
@@ -288,7 +288,7 @@ fn rods_feel_rims() {
                 continue;
             }
             let (found, expected) = (lying(depth).energy(&exact), lying(depth).energy(&fine));
-            // The energy of a sphere that is so deep.
+            // Energy of a sphere of this depth.
             let scale = depth * depth;
             let error = (found - expected).abs() / expected.max(scale);
             assert!(error < 5e-3, "{body:?} {frame} {}: {found:e}, {expected:e}", place(depth));

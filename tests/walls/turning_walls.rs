@@ -1,4 +1,4 @@
-//! Walls that turn: balls on turntables and on rods, a drum of four planes, energy, equal bits.
+//! Rotating walls: balls on turntables and on rods, a drum of four planes, energy, identical bits.
 
 use crate::support::{Bench, MATERIAL, OnRanks, State, begun, save, scene};
 use dem_mpi::comm::alone::Alone;
@@ -20,7 +20,7 @@ use std::f64::consts::TAU;
 const RADIUS: f64 = 0.01;
 const STIFFNESS: f64 = 1e6;
 
-/// One ball above a wall.
+/// Scene of one ball above a wall.
 fn ball(gravity: f64, friction: f64, wall: &str, dt: f64) -> String {
     format!(
         r#"
@@ -51,8 +51,8 @@ fn at(position: Vec3, velocity: Vec3, angular_velocity: Vec3) -> Particle {
     Particle { velocity, angular_velocity, ..at_rest }
 }
 
-/// A ball that rolls on a turntable goes round a circle at 2/7 of its rate, wherever its centre is (Weltner 1979,
-/// DOI 10.1119/1.11602). The rate of the table shows in nothing but the velocity at the contact.
+/// A ball that rolls on a turntable moves on a circle at 2/7 of its rate, about any centre (Weltner 1979, DOI
+/// 10.1119/1.11602). The rate of the table enters only through the velocity at the contact.
 #[test]
 fn a_ball_on_a_turntable_goes_round_at_two_sevenths_of_its_rate() {
     let (table, dt) = (20.0, 1e-5);
@@ -68,7 +68,7 @@ fn a_ball_on_a_turntable_goes_round_at_two_sevenths_of_its_rate() {
     let arm = Vec3::new(-0.03, 0.01, 0.0);
     let velocity = (Vec3::z() * rate).cross(&arm);
     let start = centre + arm;
-    // It rolls: v - ω × (a z) = Ω × r.
+    // Rolling: v - ω × (a z) = Ω × r.
     let slip = (velocity - (Vec3::z() * table).cross(&(start - about))) / (RADIUS - 0.5 * pressed);
     let mut bench = Bench::of(&scene, &[at(start, velocity, Vec3::z().cross(&slip))]);
     let steps = (TAU / rate / dt).round() as u64;
@@ -83,7 +83,8 @@ fn a_ball_on_a_turntable_goes_round_at_two_sevenths_of_its_rate() {
     assert!(worst < 1e-4, "{worst}");
 }
 
-/// A ball that leaves the axis of a turning rod as `r = L e^Ωt`, without friction: what the rod gives is its kinetic energy.
+/// A ball that leaves the axis along a rotating rod as `r = L e^Ωt`, without friction: the work of the rod is its kinetic
+/// energy.
 fn on_a_rod(dt: f64) -> (Vec3, Vec3, f64, Measures) {
     let (rate, length) = (5.0, 0.04);
     let wall = format!(
@@ -91,7 +92,7 @@ fn on_a_rod(dt: f64) -> (Vec3, Vec3, f64, Measures) {
     );
     let scene = scene(&ball(0.0, 0.0, &wall, dt));
     let mass = scene.library.mass[0];
-    // N = m Ω² (2r - h): it presses, and more as it goes.
+    // The force N = m Ω² (2r - h) is compressive and grows with the distance.
     let height = RADIUS - mass * rate * rate * (2.0 * length - RADIUS) / STIFFNESS;
     let velocity = |r: f64| Vec3::new(rate * (r - height), 0.0, rate * r);
     let start = at(Vec3::new(length, 0.0, height), velocity(length), Vec3::zeros());
@@ -117,7 +118,7 @@ fn a_turning_rod_gives_a_ball_its_energy() {
     assert!(off.norm() < 2e-4 * position.norm(), "{off:?}");
     assert!(energy.abs() < 5e-4, "{energy}");
     assert!(measures.dissipated == 0.0 && measures.contacts + measures.wall_contacts == 1);
-    // The balance closes to the second order of the step.
+    // The balance closes to second order in the step.
     let missing = |dt: f64| {
         let (.., measures) = on_a_rod(dt);
         measures.missing() / measures.kinetic()
@@ -127,7 +128,7 @@ fn a_turning_rod_gives_a_ball_its_energy() {
     assert!(long.abs() < 1e-6 && short.abs() < 0.2 * long.abs(), "{long:e} {short:e}");
 }
 
-/// A wall that turns in its own plane is, without friction, one at rest to the last bit.
+/// Without friction, a wall that rotates in its own plane equals one at rest to the last bit.
 #[test]
 fn what_turns_in_its_own_plane_does_not_show_without_friction() {
     let path = |rotation: &str| {
@@ -143,7 +144,7 @@ fn what_turns_in_its_own_plane_does_not_show_without_friction() {
     assert_eq!(path(turning), path(""));
 }
 
-/// Four planes that turn about y.
+/// Four planes that rotate about y.
 const DRUM: &str = r#"
 gravity = [0, 0, -9.81]
 [domain]
@@ -183,7 +184,7 @@ high = [0.01, 0.01, 0.005]
 spacing = 0.0022
 "#;
 
-/// Grains of three kinds, whose sizes are distributed uniformly from 0.7 to 1.3 of their mean.
+/// Particles of three kinds, whose sizes are distributed uniformly from 0.7 to 1.3 of their mean.
 const SIZED: &str = r#"
 [[shape]]
 name = "ball"
@@ -216,7 +217,8 @@ fn drum() -> Scene {
     scene(&drum_text(EQUAL))
 }
 
-/// The state after these steps on one rank, if it is the same on others, and after a restart whose snapshot has the wall.
+/// State after these steps on one rank. Checks that it is identical on others and after a restart, whose snapshot has the
+/// wall.
 pub(crate) fn the_same_on_any_ranks(scene: &Scene, steps: u64) -> State {
     let folder = tempfile::tempdir().unwrap();
     let alone = OnRanks::of(scene).the_same_everywhere(steps, folder.path());
@@ -232,10 +234,10 @@ fn a_drum_has_the_same_bits_on_any_number_of_ranks_and_across_a_restart() {
     assert!(state.bits.len() > 200, "{}", state.bits.len());
 }
 
-/// Sizes by column and walls that turn, together: equal bits, and the energy balance of all contacts.
+/// Sizes by column with rotating walls: identical bits, and the energy balance of all contacts.
 #[test]
 fn a_drum_of_sizes_has_the_same_bits_on_any_number_of_ranks_and_loses_no_energy() {
-    // Softer, as the smallest grains bound the stable step.
+    // Softer material, as the smallest particles limit the stable step.
     let text = drum_text(SIZED).replace("normal_stiffness = 1.5e5", "normal_stiffness = 1.5e4");
     let scene =
         scene(&text.replace("rate = 30", "rate = 20").replace("step = 1e-5", "step = 5e-6"));
@@ -251,7 +253,7 @@ fn a_drum_of_sizes_has_the_same_bits_on_any_number_of_ranks_and_loses_no_energy(
     assert!(missing.abs() < 2e-3 * dissipated, "{missing:e} of {dissipated:e}");
 }
 
-/// What moves a facet nearer to grains is seen, wherever they are: the skin does not show.
+/// The motion of a facet towards particles counts everywhere, so the skin does not change the results.
 #[test]
 fn the_skin_does_not_show_in_a_drum() {
     let scene = drum();
@@ -262,7 +264,7 @@ fn the_skin_does_not_show_in_a_drum() {
     }
 }
 
-/// The drum lifts grains and loses energy in them; it gives what that takes.
+/// The drum lifts particles and dissipates energy in them; its work supplies that energy.
 #[test]
 fn a_drum_gives_what_its_grains_lose() {
     let text = drum_text(EQUAL);
@@ -290,7 +292,7 @@ fn a_drum_gives_what_its_grains_lose() {
     assert!(long < 1e-2 && short < 0.5 * long, "{long:e} {short:e}");
 }
 
-/// A new stage goes on from where the wall stands, and turns it about the point that its scene says.
+/// A new stage continues from the wall's position, and rotates it about the point of its scene.
 #[test]
 fn a_wall_keeps_its_place_from_stage_to_stage() {
     let first = drum();
@@ -327,7 +329,7 @@ fn a_wall_keeps_its_place_from_stage_to_stage() {
     });
 }
 
-/// A ball that friction holds goes round with the table, and its spring with both: seen from the table, it stays.
+/// A ball held by friction moves with the table, and so does its spring: relative to the table, it stays.
 #[test]
 fn what_friction_holds_stays_where_it_is_on_a_turntable() {
     let (table, dt) = (10.0, 2e-5);
@@ -366,7 +368,7 @@ fn a_wall_of_finite_mass_is_one_that_says_so() {
     let mut heavy = Wall::plane("heavy".to_owned(), Vec3::zeros(), Vec3::z());
     let mut light = heavy.clone();
     (light.mass, light.free_along) = (3.0 * library.mass[0], -Vec3::z());
-    // Held across its direction, at 60 degrees from its normal it is four times as heavy.
+    // With a guided direction at 60 degrees from its normal it has four times the effective mass.
     let mut tilted = light.clone();
     tilted.free_along = Vec3::new(0.75_f64.sqrt(), 0.0, 0.5);
     let mut along_itself = light.clone();

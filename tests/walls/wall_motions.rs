@@ -1,4 +1,4 @@
-//! What walls do on grains, torque and power; walls that move by oscillations and tables.
+//! Force, torque and power of walls; motions by oscillations and tables.
 
 use crate::support::{
     Bench, MATERIAL, State, ball, begun, close, expect_refused, save, scene, schedule,
@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 
 const RADIUS: f64 = 0.01;
 
-/// A ball over a floor, of a material with these keys besides.
+/// Scene of a ball over a floor, with additional keys of the material.
 fn on_floor(wall: &str, law: &str, own: &str) -> String {
     format!(
         r#"
@@ -61,8 +61,8 @@ directory = "out"
     )
 }
 
-/// A grain with faces that a plane lifts, or a ball beside such a shape, by a law without friction and dashpots: the energy that it gets is that
-/// which it has received.
+/// A plane lifts a shape with faces, or a ball beside such a shape, by a law without friction and dashpots. The energy gained equals the energy
+/// received.
 #[test]
 fn the_work_of_walls_is_booked_without_friction_and_dashpots() {
     for shape in [
@@ -107,7 +107,7 @@ fn the_work_of_walls_is_booked_without_friction_and_dashpots() {
     }
 }
 
-/// A wall of triangles that leaves is said before the start.
+/// A wall of triangles that leaves the domain gives a warning before the start.
 #[test]
 fn a_wall_that_leaves_the_domain_is_doubtful() {
     let folder = tempfile::tempdir().unwrap();
@@ -124,13 +124,13 @@ fn a_wall_that_leaves_the_domain_is_doubtful() {
             doubt.contains("wall \"floor\" moves out of the domain with its `velocity`")
         })
     };
-    // The rear goes 0.3 m, or 0.3 m the other way.
+    // The rear moves by 0.3 m in either direction.
     assert!(says(0.4, 76_000) && says(-0.4, 76_000));
     assert!(!says(0.4, 74_000) && !says(-0.4, 74_000) && !says(0.0, 76_000));
 }
 
-/// A ball that rubs, twists and rolls on a floor at rest: what it loses of its angular momentum about the point, gravity aside,
-/// the floor gets.
+/// A ball rubs, twists and rolls on a floor at rest. The torque on the floor equals the ball's loss of angular momentum about the point,
+/// without the part of gravity.
 #[test]
 fn the_torque_on_a_wall_is_what_the_ball_loses() {
     let point = Vec3::new(0.03, -0.02, -0.05);
@@ -174,13 +174,13 @@ fn the_torque_on_a_wall_is_what_the_ball_loses() {
     let lost = before + of_weight - momentum(&bench);
     println!("lost {lost:?}, given {given:?}: off by {:e}", (given - lost).norm() / lost.norm());
     assert!((given - lost).norm() < 1e-10 * lost.norm());
-    // The twisting is a moment of its own: it lies in no arm.
+    // Twisting is a separate moment that no lever arm gives.
     let m = bench.measure();
     let arms = bench.sim.particles.position[0].cross(&m.wall_forces[0]);
     assert!((m.wall_torques[0] - arms).z.abs() > 0.5 * 0.1 * mass * 9.81 * RADIUS);
 }
 
-/// A turntable carries a ball at its side: torque and power have closed forms.
+/// A turntable carries a ball off its axis: torque and power have closed forms.
 #[test]
 fn a_turntable_needs_the_power_that_friction_takes() {
     let rate = 30.0;
@@ -188,7 +188,7 @@ fn a_turntable_needs_the_power_that_friction_takes() {
     let scene = scene(&on_floor(&wall, "", "friction = 0.2"));
     let mass = scene.library.mass[0];
     let (side, pressed) = (0.1, mass * 9.81 / 1e6);
-    // It slides for long: its first moment is that of a table that rubs along y.
+    // The ball slides for long, so the first moment is that of a table that rubs along y.
     let mut bench =
         Bench::of(&scene, &[ball(0, 0, Vec3::new(side, 0.0, RADIUS - pressed), Vec3::zeros())]);
     let before = bench.measure();
@@ -257,7 +257,7 @@ spacing = 0.0022
     )
 }
 
-/// A column of a history.
+/// Column of a history.
 fn column(table: &str, name: &str) -> Vec<f64> {
     let mut rows = csv::Reader::from_reader(table.as_bytes());
     let place = rows.headers().unwrap().iter().position(|column| column == name);
@@ -265,7 +265,7 @@ fn column(table: &str, name: &str) -> Vec<f64> {
     rows.records().map(|row| row.unwrap()[place].parse().unwrap()).collect()
 }
 
-/// The history of a scene on so many ranks.
+/// History of a scene on a number of ranks.
 fn history(text: &str, ranks: u32, steps: u64) -> String {
     let folder = tempfile::tempdir().unwrap();
     let scene = scene(text);
@@ -277,7 +277,7 @@ fn history(text: &str, ranks: u32, steps: u64) -> String {
     std::fs::read_to_string(folder.path().join("history.csv")).unwrap()
 }
 
-/// Of ellipsoids and balls that roll with resistance: what the drum does in all is what its grains have received.
+/// With ellipsoids and balls that resist rolling, the drum's total work equals the energy that its particles received.
 #[test]
 fn power_adds_up_to_what_grains_receive_on_any_ranks() {
     let (text, steps) = (drum(1), 6000);
@@ -307,8 +307,8 @@ fn a_point_for_the_torque_must_be_one() {
     );
 }
 
-/// A ball that rests on a floor, which begins to shake below it: base-excited, without dashpots, `z = A (sin ωt - r sin ω₀t) / (1 - r²)`
-/// with `r = ω/ω₀`, as long as it presses.
+/// A ball rests on a floor that begins to shake. With base excitation and without dashpots, `z = A (sin ωt - r sin ω₀t) / (1 - r²)` with `r =
+/// ω/ω₀`, as long as it stays in contact.
 #[test]
 fn a_ball_on_a_shaking_floor_moves_as_the_oscillator() {
     let (amplitude, frequency) = (4e-7, 200.0);
@@ -349,7 +349,7 @@ fn a_ball_on_a_shaking_floor_moves_as_the_oscillator() {
     assert!(long < 0.01 && short < long / 12.0, "{long:e} {short:e}");
 }
 
-/// A drum that turns to and fro by an oscillation, and is shaken as a table says.
+/// A drum that oscillates about its axis and is shaken by a table.
 fn shaken(table: &Path, interpolation: &str) -> String {
     let turning = "rotation = { about = [0, 0, 0], axis = [0, 1, 0], rate = 30 }\n";
     drum(100).replace(turning, "")
@@ -372,7 +372,7 @@ interpolation = "{interpolation}"
         )
 }
 
-/// Place and turn are functions of the step alone, the energy balance closes, and no rank nor a restart shows.
+/// Position and rotation depend only on the step, the energy balance closes, and ranks and restarts change no bit.
 #[test]
 fn a_shaken_drum_has_the_same_bits_on_any_ranks_and_gives_what_its_grains_lose() {
     let folder = tempfile::tempdir().unwrap();
@@ -450,7 +450,7 @@ fn bad_tables_are_refused_with_their_line() {
     }
 }
 
-/// Up and down, and to and fro about a point beside the ball.
+/// An oscillation up and down, and one about a point beside the ball.
 const SWINGING: &str = "
 [[motion]]
 walls = [\"floor\"]
@@ -466,7 +466,7 @@ frequency = 10
 phase = -90
 ";
 
-/// A file with a square of 0.2 m in the plane z = 0, of two triangles.
+/// Writes a square of 0.2 m in the plane z = 0, of two triangles.
 fn square(folder: &Path) -> PathBuf {
     let file = folder.join("square.obj");
     let corners = "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\n";
@@ -474,7 +474,7 @@ fn square(folder: &Path) -> PathBuf {
     file
 }
 
-/// A floor of triangles that swings is a plane that does.
+/// An oscillating floor of triangles equals an oscillating plane.
 #[test]
 fn triangles_swing_as_a_plane() {
     let folder = tempfile::tempdir().unwrap();
@@ -487,7 +487,7 @@ fn triangles_swing_as_a_plane() {
     let mut benches =
         [plane, of_triangles].map(|text| Bench::new(&text, std::slice::from_ref(&start)));
     let (mut touched, mut strongest, mut off) = (0, 0.0_f64, 0.0_f64);
-    // Each bounce makes differences of rounding greater: 1e-15 after 500 steps, 2e-11 after 5,000.
+    // Each bounce amplifies rounding: 1e-15 after 500 steps, 2e-11 after 5,000.
     for _ in 0..5000 {
         benches.iter_mut().for_each(Bench::step);
         let [on_plane, on_mesh] = benches.each_ref().map(|bench| bench.sim.particles.position[0]);
@@ -508,7 +508,7 @@ fn triangles_swing_as_a_plane() {
     assert!(benches[1].sim.particles.velocity[0].x.abs() > 1e-3);
 }
 
-/// A wall of triangles and a cylinder come to a ball at rest, from where they are near no grain: they strike it as a plane does.
+/// A wall of triangles and a cylinder approach a ball at rest from far away: they strike it like a plane.
 #[test]
 fn what_comes_from_afar_is_felt() {
     let folder = tempfile::tempdir().unwrap();
@@ -533,7 +533,8 @@ fn what_comes_from_afar_is_felt() {
     }
 }
 
-/// A plate of triangles that a stage has moved and turned stays there in the next one, whatever that turns it about, and keeps its contact.
+/// A plate of triangles that a stage has moved and rotated keeps its position and its contact in the next one. This holds for any new point of
+/// rotation.
 #[test]
 fn triangles_stay_where_a_stage_left_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -596,7 +597,7 @@ fn triangles_stay_where_a_stage_left_them() {
     assert_eq!(taken.unwrap().other_walls, ["floor"]);
 }
 
-/// With another step a course goes on within its stage; in another stage it begins anew from where the wall stands.
+/// With another step a motion continues within its stage; in another stage it begins again from the wall's position.
 #[test]
 fn courses_and_stages() {
     let way = |time: f64| 1e-3 * (std::f64::consts::TAU * 5.0 * time).sin();
@@ -612,7 +613,7 @@ fn courses_and_stages() {
     for (text, continuation, expected) in [
         (&text, Continuation::SameStage, way(150e-5)),
         (&shorter, Continuation::SameStage, way(100e-5 + 50.0 * 5e-6)),
-        // From where it stands, about its own point, which has come along.
+        // From its position, about its own point, which has moved with it.
         (&text, Continuation::NewStage, way(100e-5) + way(50e-5)),
     ] {
         let scene = scene(text);
@@ -632,8 +633,8 @@ fn courses_and_stages() {
     }
 }
 
-/// A wall that travels and turns goes on in the next stage, of the same scene, as if there were none: about its own axis,
-/// which is where it has come to. About another point it turns if the scene has another.
+/// A wall that travels and rotates continues in the next stage of an unchanged scene without a trace. It rotates about its own axis, which has
+/// moved with it. With another point in the scene it rotates about that.
 #[test]
 fn a_stage_goes_on_with_the_same_turn() {
     let folder = tempfile::tempdir().unwrap();
@@ -670,7 +671,7 @@ fn a_stage_goes_on_with_the_same_turn() {
         assert!((seen(&next) - seen(whole)).norm() < 1e-14, "{next:?} {whole:?}");
         assert!(next.orientation.angle_to(&whole.orientation) < 1e-14);
         assert!((next.point - place).norm() < 1e-15, "the axis has come along: {:?}", next.point);
-        // What was at the other point when the stage began is on its axis.
+        // The axis passes through the material point that was at the other point when the stage began.
         let axis = Vec3::new(0.01, 0.02, 0.0);
         assert!((stands.point - axis).norm() < 1e-15, "{stands:?}");
         let come = axis + Vec3::new(0.1, 0.05, -1.0) * 0.02;
@@ -678,8 +679,8 @@ fn a_stage_goes_on_with_the_same_turn() {
     }
 }
 
-/// A long screw that turns about its axis comes no nearer than its thickness says, wherever on the axis its reference point is,
-/// and no point of it moves farther than it says.
+/// The reported approach of a long screw that rotates about its axis is that of its thickness, for any reference point on the axis. No point of
+/// it moves farther than reported.
 #[test]
 fn a_screw_is_as_fast_as_it_is_thick() {
     let folder = tempfile::tempdir().unwrap();
@@ -715,7 +716,7 @@ fn a_screw_is_as_fast_as_it_is_thick() {
     assert!(said >= most && said < 1.5 * most, "{said:e} {most:e}");
 }
 
-/// Another course, or another velocity, within a stage moves the wall from where it stands, as in a stage that begins.
+/// Another motion or velocity within a stage moves the wall from its position, like in a new stage.
 #[test]
 fn another_course_goes_on_from_where_the_wall_stands() {
     let swinging = on_floor("", "", "friction = 0.3") + SWINGING;
@@ -751,8 +752,8 @@ fn another_course_goes_on_from_where_the_wall_stands() {
     }
 }
 
-/// Another point of a course within a stage is the one about which the wall turns on, from where it stands. A wall that was shifted only
-/// begins to turn about the scene's point.
+/// Another point of rotation within a stage becomes the new centre, from the wall's position. A wall that was only shifted rotates about the
+/// scene's point.
 #[test]
 fn another_point_of_a_turn_moves_no_wall() {
     let folder = tempfile::tempdir().unwrap();
@@ -803,7 +804,7 @@ fn another_point_of_a_turn_moves_no_wall() {
     }
 }
 
-/// A turn that begins within a stage is about the scene's point, of triangles, too; a wall that was turned cannot be set free.
+/// A rotation that begins within a stage is about the scene's point, for triangles, too. A wall that was rotated cannot become free.
 #[test]
 fn a_turn_may_begin_within_a_stage() {
     let folder = tempfile::tempdir().unwrap();
@@ -822,7 +823,7 @@ fn a_turn_may_begin_within_a_stage() {
         assemble::take_up(&mut sim, &turning, folder.path(), same, &mut comm).unwrap();
         (0..500).for_each(|_| sim.step(&mut comm).unwrap());
         let wall = &sim.particles.walls[0];
-        // The axis stays where it is, and what was at the origin has gone up or down.
+        // The axis stays in place, and the initial origin has moved up or down.
         let seen = |place: Vec3| wall.orientation.inverse() * (place - wall.point);
         let corner = wall.mesh.as_ref().map(|mesh| mesh.surface.triangles().next().unwrap()[0]);
         let angle = 2.0 * 500.0 * 1e-5;
@@ -851,7 +852,7 @@ fn a_turn_may_begin_within_a_stage() {
     }
 }
 
-/// A plane with another normal is another wall. One that was left tilted can have no servo, nor can one beside it.
+/// A plane with another normal is another wall. A wall left tilted cannot have a servo, nor can one beside it.
 #[test]
 fn a_wall_that_a_stage_left_otherwise_is_told() {
     let text = |motion: &str, servo: &str, side: &str| {
@@ -885,7 +886,7 @@ fn a_wall_that_a_stage_left_otherwise_is_told() {
             "{error}"
         );
     }
-    // What was upright until now.
+    // A wall that was upright until then.
     let plain = scene(&text("", "", upright));
     save(&begun(&plain, &mut comm), folder.path(), &plain, &mut comm);
     let hinged = scene(&text("", "", "point = [0.15, 0, 0]\nnormal = [-1, 0, 0.5]"));
@@ -894,7 +895,7 @@ fn a_wall_that_a_stage_left_otherwise_is_told() {
     assert!(surfaces.contains(&hinged.walls.last().unwrap().surface()), "{surfaces:?}");
 }
 
-/// A surface of triangles may be slow enough in its velocity and in its turn, and too fast in both together.
+/// A surface of triangles may be slow enough in its velocity and its rotation alone, but too fast in both together.
 #[test]
 fn velocity_and_turn_count_together() {
     let folder = tempfile::tempdir().unwrap();
@@ -916,13 +917,13 @@ fn velocity_and_turn_count_together() {
     scene(&text.replace("rate = 600", "rate = 1"));
 }
 
-/// An oscillation that falls between the steps is told.
+/// An oscillation too fast for the time step gives a warning.
 #[test]
 fn steps_that_do_not_follow_are_told() {
     let text = on_floor("", "", "") + SWINGING;
     let swinging = scene(&text);
     assert_eq!(doubts(&swinging), Vec::<String>::new());
-    // It begins at rest, or as good as: the cosine of 90 degrees is 6e-17.
+    // It begins nearly at rest: the cosine of 90 degrees is 6e-17.
     let from_rest = "[[motion]]\nwalls = [\"floor\"]\nalong = [0, 0, 1]\namplitude = 1e-3\nfrequency = 5\nphase = -90\n";
     let at_rest = scene(&(on_floor("", "", "") + from_rest));
     assert!(at_rest.walls[0].velocity != Vec3::zeros());
@@ -935,7 +936,7 @@ fn steps_that_do_not_follow_are_told() {
     assert!(matches!(&doubts[..], [doubt] if doubt.contains("once in 10.0 steps")), "{doubts:?}");
 }
 
-/// A ball that rests does not end its stage before the tables of all walls are over, nor before the time that `[stop]` says. The table
+/// A ball at rest does not end its stage before the tables of all walls have ended, nor before the time in `[stop]`. The motion of the table
 /// begins after 0.05 s.
 #[test]
 fn a_stage_waits_for_tables_and_its_time() {
@@ -968,25 +969,25 @@ fn a_stage_waits_for_tables_and_its_time() {
         unmet,
         "the stage has lasted 6.000e-2 s, not 0.065 s; wall \"lid\" follows its table until 0.07 s"
     );
-    // What leaves a hopper does not wait for its walls.
+    // A stage that ends by remaining particles does not wait for its walls.
     let outlet = "[[outlet]]\nname = \"out\"\npoint = [0, 0, 0.15]\nnormal = [0, 0, -1]\n[stop]\nremaining = 1\n";
     assert_eq!(ended(&format!("{motion}{outlet}"), 20_000), met(100));
 }
 
-/// The vectors of a VTP file's array of doubles.
+/// Vectors of an array of doubles in a VTP file.
 fn vectors(file: &str, name: &str) -> Vec<Vec3> {
     let (_, rest) =
         file.split_once(&format!("<DataArray type=\"Float64\" Name=\"{name}\"")).unwrap();
     let (_, rest) = rest.split_once('>').unwrap();
     let (text, _) = rest.split_once('<').unwrap();
-    // Before them stands how many bytes there are.
+    // The number of bytes precedes them.
     let bytes = STANDARD.decode(text).unwrap().split_off(8);
     let numbers: Vec<f64> = bytes.as_chunks().0.iter().copied().map(f64::from_le_bytes).collect();
     numbers.as_chunks().0.iter().copied().map(Vec3::from).collect()
 }
 
-/// An exported polygon has the velocity of its middle: of a drum that turns, the rate times the distance from its axis. The force is that
-/// on the whole wall, under a name that says so.
+/// An exported polygon has the velocity of its middle: for a rotating drum, the rate times the distance from its axis. The force is that on the
+/// whole wall, and its name says so.
 #[test]
 fn exported_walls_have_the_velocity_of_each_polygon() {
     let (about, rate) = (Vec3::new(0.02, 0.0, 0.01), 3.0);

@@ -1,4 +1,4 @@
-//! Walls of all kinds with motions of all kinds, inlets and outlets of all regions, laws of all sizes: the same bits on any number of ranks and
+//! Walls and motions of all kinds, inlets and outlets of all regions, and all size distributions. Bits are identical on any number of ranks and
 //! across restarts.
 
 use crate::support::{OnRanks, close, scene};
@@ -19,7 +19,7 @@ restitution = 0.5
 tangential_damping_ratio = 0.1
 "#;
 
-/// A square across z, and tables of a way and of a turn.
+/// Writes a square in the plane z = 0, and tables of a displacement and of a rotation.
 fn files(folder: &Path) {
     let square =
         "v -0.03 -0.03 0\nv 0.03 -0.03 0\nv 0.03 0.03 0\nv -0.03 0.03 0\nf 1 2 3\nf 1 3 4\n";
@@ -42,8 +42,8 @@ fn with_files(text: &str, folder: &Path) -> String {
     })
 }
 
-/// A cone that swings, a tube on a table and a pin that turns among grains; sizes by a table, a normal and a Weibull law; a flat inlet with spin
-/// and an axis, a round one, a round outlet.
+/// An oscillating cone, a tube with a table and a rotating pin among particles. Sizes follow a table, a normal and a Weibull distribution. There
+/// are a flat inlet with spin and an axis, a round inlet, and a round outlet.
 #[test]
 fn a_funnel_fed_by_all_laws_is_the_same_everywhere() {
     let folder = tempfile::tempdir().unwrap();
@@ -133,7 +133,7 @@ steps = 12000
     assert!(touching > 3.0, "{touching}");
 }
 
-/// A plate that swings and turns by a table, a roller that keeps a force, a free cone: all of them press on grains.
+/// A plate that oscillates and rotates by a table, a roller that keeps a force, and a free cone: all of them press on particles.
 #[test]
 fn a_plate_a_roller_and_a_free_cone_are_the_same_everywhere() {
     let folder = tempfile::tempdir().unwrap();
@@ -203,17 +203,17 @@ steps = 10000
     );
     let scene = scene(&with_files(&text, folder.path()));
     let alone = OnRanks::of(&scene).the_same_everywhere(7000, folder.path());
-    // By triangles, planes, a cylinder and a cone, some kept by forces.
+    // Work by triangles, planes, a cylinder and a cone, some controlled by forces.
     let received = alone.number("received") - OnRanks::of(&scene).run(1, 0).number("received");
     close(alone.work_of_walls(), received, 1e-9, "work");
     let forces = alone.numbers("force");
     println!("{forces:?}");
-    // After the four sides.
+    // These walls follow the four sides.
     for (wall, name) in ["floor", "roll"].iter().enumerate() {
         let force = &forces[3 * (4 + wall)..][..3];
         assert!(force.iter().any(|f| f.abs() > 1e-3), "{name}: {force:?}");
     }
-    // It may be in the air; falling freely it would be 0.026 m lower than at the start.
+    // It may be in the air; in free fall it would be 0.026 m lower than at the start.
     let plug = alone.numbers("place of plug")[2];
     assert!(plug > 0.0175 - 0.015, "{plug}");
 }

@@ -1,4 +1,4 @@
-//! Surfaces that lie in each other: one contact, as with one of them.
+//! Coincident surfaces: one contact, like with one of them.
 
 use crate::support::{Bench, scene};
 use crate::walls::meshes::{BRICK, ROD, Triangles, at, beside, write_obj};
@@ -12,7 +12,7 @@ use dem_mpi::sim::run;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-/// A square across z.
+/// A square in a plane of height z.
 fn square([low, high]: [f64; 2], y: f64, z: f64) -> Triangles {
     let [a, b, c, d] =
         [(low, -y), (high, -y), (high, y), (low, y)].map(|(x, y)| Vec3::new(x, y, z));
@@ -26,7 +26,7 @@ const SHAPES: [(&str, f64); 4] = [
     (BRICK, 0.006),
 ];
 
-/// A scene with sides of the domain, of which the lower lies at height 0, and walls.
+/// Scene with sides of the domain, the lower at height 0, and walls.
 fn text(sides: &str, walls: &str, shape: &str) -> String {
     let low = format!("walls = [{sides}]\nlow = [-0.2, -0.2, 0]");
     beside(shape, walls, Vec3::zeros(), 0.0).replace("low = [-0.2, -0.2, -0.2]", &low)
@@ -38,7 +38,7 @@ fn mesh(name: &str, triangles: &Triangles, folder: &Path) -> String {
     format!("[[wall]]\nname = \"{name}\"\nmesh = \"{}\"\n", file.display())
 }
 
-/// Over the place where two are and where one ends, on the one side of it and the other.
+/// Positions over the common part of two surfaces and over the end of one, on either side of it.
 #[test]
 fn surfaces_that_lie_in_each_other_count_once() {
     let folder = tempfile::tempdir().unwrap();
@@ -88,7 +88,7 @@ fn surfaces_that_lie_in_each_other_count_once() {
     }
 }
 
-/// Plates that do not lie in each other are not warned of.
+/// Plates that do not coincide give no warning.
 #[test]
 fn plates_beside_each_other_are_two() {
     let folder = tempfile::tempdir().unwrap();
@@ -99,7 +99,7 @@ fn plates_beside_each_other_are_two() {
     assert!(told.is_empty(), "{told:?}");
 }
 
-/// A closed ball of triangles that are smaller than the grains.
+/// A closed ball of triangles that are smaller than the particles.
 fn globe(radius: f64) -> Triangles {
     let (rows, columns) = (36, 72);
     let place = |i: u32, k: u32| {
@@ -117,7 +117,8 @@ fn globe(radius: f64) -> Triangles {
     (0..rows * columns).flat_map(|n| square(n / columns, n % columns)).collect()
 }
 
-/// Grains that a surface of small triangles cuts are refused at the start, on whatever side of it their centres are; those that it does not reach are not.
+/// Particles that a surface of small triangles cuts are rejected at the start, with their centres on either side. Particles that it does not reach
+/// are accepted.
 #[test]
 fn grains_that_a_surface_cuts_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -147,7 +148,7 @@ fn grains_that_a_surface_cuts_are_refused() {
         let out = random.rotation() * Vec3::x();
         let centre = out * (0.1 + 0.03 * random.signed());
         let shape = &scene.library.shapes[0];
-        // How much it must shrink to be free of the points.
+        // Factor by which the particle must shrink to be free of the points.
         let least = points
             .iter()
             .map(|point| turn.inverse() * (point - centre))

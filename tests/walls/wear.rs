@@ -1,4 +1,4 @@
-//! What walls do and suffer: their work, what is lost at them, and the mean force on their triangles.
+//! Loads on walls: their work, the losses at them, and the mean force on their triangles.
 
 use crate::sim::symmetries::SHAPES;
 use crate::support::{Bench, ball, begun, close, save, scene, schedule};
@@ -27,13 +27,13 @@ const RADIUS: f64 = 0.01;
 const STIFFNESS: f64 = 1e6;
 const FRICTION: f64 = 0.3;
 
-/// A floor from 0 to a length along x of strips of two triangles, from -0.1 to 0.1 along y [m].
+/// Wall text of a floor from 0 to a length along x, in strips of two triangles from -0.1 to 0.1 along y [m].
 fn floor(folder: &Path, length: f64, strips: usize) -> String {
     let corners = (0..=strips).map(|k| {
         let x = length * k as f64 / strips as f64;
         format!("v {x} -0.1 0\nv {x} 0.1 0\n")
     });
-    // Corners of any order.
+    // The order of corners varies.
     let triangles = (0..strips).map(|k| {
         let [a, b, c, d] = [2 * k + 1, 2 * k + 2, 2 * k + 3, 2 * k + 4];
         format!("f {a} {c} {b}\nf {b} {c} {d}\n")
@@ -78,12 +78,12 @@ directory = "out"
 
 const DOMAIN: &str = "low = [-0.1, -0.2, -0.1]\nhigh = [1, 0.2, 0.2]";
 
-/// Height of a ball that rests on the floor.
+/// Height of a ball at rest on the floor.
 fn resting(scene: &Scene) -> f64 {
     RADIUS - scene.library.mass[0] * 9.81 / STIFFNESS
 }
 
-/// What the triangles of the floor have suffered.
+/// Loads on the triangles of the floor.
 fn triangles(bench: &Bench) -> Vec<Worn> {
     let header = bench.sim.header("", &[Vec3::zeros()], &mut Alone::default());
     let worn = worn(&header.drives).unwrap();
@@ -111,7 +111,7 @@ fn a_sliding_ball_wears_each_strip_as_the_closed_form_says() {
     let steps = (0.98 * rolls / scene.dt) as u64;
     (0..steps).for_each(|_| bench.step());
     let acceleration = FRICTION * 9.81;
-    // What friction has taken until the ball is at a place.
+    // Friction loss until the ball reaches a position.
     let taken = |x: f64| {
         let way = (x - start.x).max(0.0);
         let time =
@@ -138,13 +138,13 @@ fn a_sliding_ball_wears_each_strip_as_the_closed_form_says() {
     let time = steps as f64 * scene.dt;
     let impulse: Vec3 = worn.iter().map(|worn| worn.impulse).sum();
     close(impulse.z, -mass * 9.81 * time, 1e-6, "weight");
-    // Half of one step of 46,000 is not in it.
+    // Half of one step of 46,000 is missing.
     close(impulse.x, mass * (speed - bench.sim.particles.velocity[0].x), 2e-5, "friction");
-    // A wall that stays does no work.
+    // A wall at rest does no work.
     assert!(worn.iter().all(|worn| (worn.time / time - 1.0).abs() < 1e-9));
 }
 
-/// A ball that lies on a table that turns: in the axes of the table it presses and pulls outwards on one triangle.
+/// A ball on a rotating table: in the axes of the table its force on one triangle has a normal and an outward part.
 #[test]
 fn sums_are_in_the_axes_of_a_wall_that_turns() {
     let folder = tempfile::tempdir().unwrap();
@@ -171,17 +171,17 @@ fn sums_are_in_the_axes_of_a_wall_that_turns() {
     assert_eq!(pressed.len(), 1, "{pressed:?}");
     let worn = worn[pressed[0]];
     close(worn.impulse.z, -mass * 9.81 * worn.time, 1e-3, "weight");
-    // It begins to roll: friction holds it on a circle of 2/7 of the curvature.
+    // The ball begins to roll: friction holds it on a circle of 2/7 of the curvature.
     let outwards = Vec3::new(place.x, place.y, 0.0);
     let along = worn.impulse.dot(&outwards) / outwards.norm_squared();
     close(along, 2.0 / 7.0 * mass * 4.0 * worn.time, 5e-3, "outwards");
     let across = (worn.impulse - outwards * along).xy().norm();
-    // In the axes of the table it turns by 5/7 of its angle.
+    // In the axes of the table it rotates by 5/7 of the table's angle.
     let turned = across / (along * outwards.norm());
     close(turned, 0.5 * 5.0 / 7.0 * 2.0 * worn.time, 1e-2, "turned");
 }
 
-/// On the image of a triangle beyond a period.
+/// The image of a triangle beyond a period counts for the triangle.
 #[test]
 fn an_image_of_a_triangle_is_the_triangle() {
     let folder = tempfile::tempdir().unwrap();
@@ -202,7 +202,7 @@ fn an_image_of_a_triangle_is_the_triangle() {
     close(rubbed(0..1) / all, 0.95, 2e-2, "beyond the period");
 }
 
-/// A grain before a period touches beyond it.
+/// A particle before a period touches triangles beyond it.
 #[test]
 fn a_point_beyond_a_period_is_on_the_first_triangles() {
     let folder = tempfile::tempdir().unwrap();
@@ -227,7 +227,7 @@ fn a_point_beyond_a_period_is_on_the_first_triangles() {
     assert!(!pressed.is_empty() && pressed.iter().all(|&k| k < 2), "{pressed:?}");
 }
 
-/// A piston lifts a ball: its work is what the ball has gained, and in `history.csv`.
+/// A piston lifts a ball: its work is the energy that the ball has gained, also in `history.csv`.
 #[test]
 fn the_work_of_a_piston_is_what_grains_receive() {
     let folder = tempfile::tempdir().unwrap();
@@ -260,7 +260,7 @@ fn the_work_of_a_piston_is_what_grains_receive() {
     close(number(last, "work_floor_J"), gained + lost, 1e-3, "work");
     close(lost, number(last, "dissipated_J"), 1e-12, "lost");
     assert_eq!(number(last, "rubbed_at_floor_J"), number(last, "dissipated_by_friction_J"));
-    // As ParaView has it.
+    // The sums in the export for ParaView agree.
     let reader = Reader::open(folder.path()).unwrap();
     let walls = export::walls(&reader).unwrap();
     let mut file = Vec::new();
@@ -269,7 +269,7 @@ fn the_work_of_a_piston_is_what_grains_receive() {
     let total = |name: &str, which: usize, width: usize| {
         let start = file.find(&format!("Name=\"{name}\"")).unwrap_or_else(|| panic!("{name}"));
         let text = file[start..].split(['>', '<']).nth(1).unwrap();
-        // A length of eight bytes stands before the numbers.
+        // The length of eight bytes precedes the numbers.
         let bytes = STANDARD.decode(text).unwrap();
         let numbers = bytes.as_chunks::<8>().0.iter().skip(1).map(|x| f64::from_le_bytes(*x));
         let area = 0.1 / 4.0 * 0.2 / 2.0;
@@ -286,7 +286,7 @@ fn the_work_of_a_piston_is_what_grains_receive() {
     close(-impulse, mass * (9.81 * time + 0.2), 2e-2, "weight and start");
 }
 
-/// Bodies of all kinds that tumble on a floor that rises: what they receive is its work, as it was summed for the wall.
+/// Particles of all kinds tumble on a rising floor: the energy that they receive is the work booked for the wall.
 #[test]
 fn the_work_of_a_piston_is_what_bodies_of_all_kinds_receive() {
     for shape in SHAPES {
@@ -337,14 +337,14 @@ fn a_stopped_run_reports_all_work() {
     let report = report(&sim, &finish, &Origin::default(), &mut comm);
     let work = report.counted.iter().find(|(name, _)| name == "work_floor_J").unwrap().1;
     assert!(work > 0.0);
-    // The row of the start is there.
+    // The first row of the history has the energy received at the start.
     let mut history = csv::Reader::from_path(folder.path().join("history.csv")).unwrap();
     let row: HashMap<String, f64> = history.deserialize().next().unwrap().unwrap();
     let before = row["received_J"];
     close(work, finish.measures.received - before, 1e-9, "received");
 }
 
-/// A wall that wears from a restart on: its work goes on, what is lost at it begins, and the run says so. One that goes on as it was says nothing.
+/// Wear that begins at a restart: the wall's work continues, the losses at it begin, and the run reports it. Without a change there is no message.
 #[test]
 fn wear_that_begins_within_a_stage_is_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -363,7 +363,7 @@ fn wear_that_begins_within_a_stage_is_told() {
     let longer = floor(folder.path(), 0.1, 4).replace("floor.obj", "longer.obj");
     let corners = std::fs::read_to_string(folder.path().join("floor.obj")).unwrap();
     std::fs::write(folder.path().join("longer.obj"), corners.replace("v 0.1 ", "v 0.11 ")).unwrap();
-    // As many triangles, and others.
+    // An equal number of triangles at other positions.
     let another = with.replace(&floor(folder.path(), 0.1, 4), &longer);
     assert_ne!(another, with);
     let scenes = [&without, &with, &at_rest, &another].map(|text| scene(text));
@@ -379,7 +379,7 @@ fn wear_that_begins_within_a_stage_is_told() {
         for _ in 0..1000 {
             before.step(&mut comm).unwrap();
         }
-        // A wall that stays and does not wear has no work.
+        // A wall at rest without wear has no work.
         let done = if first == 2 { 0.0 } else { work(&before) };
         assert!(first == 2 || done > 0.0);
         save(&before, folder.path(), &scenes[first], &mut comm);
