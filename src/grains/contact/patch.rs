@@ -38,7 +38,7 @@ pub(super) fn centre_between(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3, over
     extrapolated(depth, |depth| centre(&on_a, &on_b, &across, depth, normal))
 }
 
-/// The same for a body on a wall; `normal` points from the body to the wall.
+/// Part of the contact point across the normal for a body on a wall; `normal` points from the body to the wall.
 pub(super) fn centre_on_plane(a: &Posed, normal: &Vec3, overlap: f64) -> Vec3 {
     let depth = depth(overlap, a.bounding_radius());
     let on_a = Feature::of(a, normal, depth);

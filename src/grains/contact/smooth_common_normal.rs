@@ -114,7 +114,7 @@ struct SmoothPair<'a> {
     /// Unit of length [m], and its inverse.
     unit: f64,
     per_metre: f64,
-    /// The same for lengths of each body at a scale of 1.
+    /// Unit and inverse for lengths of each body at a scale of 1.
     own_units: [f64; 2],
     per_own_metre: [f64; 2],
 }
