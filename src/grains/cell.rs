@@ -749,7 +749,7 @@ impl Cell {
         difference
     }
 
-    /// [`Self::nearest`] in lanes.
+    /// `Self::nearest` in lanes.
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     pub fn nearest_of<L: Eight>(&self, mut r: Triple<L>) -> Triple<L> {

@@ -51,7 +51,7 @@ impl Field {
         self.beside(&particles.force[slot], particles.mass(slot))
     }
 
-    /// The same force from that of the contacts [N] and the mass [kg].
+    /// Force without global damping, from that of the contacts [N] and the mass [kg].
     #[inline(always)]
     fn beside(&self, of_contacts: &Vec3AndNumber, mass: f64) -> Vec3 {
         of_contacts.vector + self.gravity * mass

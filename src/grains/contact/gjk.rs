@@ -185,7 +185,7 @@ pub(super) fn separate(m: &Difference, start: &Vec3, tolerance: f64, beyond: f64
     enclose(m, start, tolerance, beyond).0
 }
 
-/// [`separate`] with the last simplex: if that has four corners, it contains the origin.
+/// `separate` with the last simplex: if that has four corners, it contains the origin.
 pub(super) fn enclose(
     m: &Difference,
     start: &Vec3,

@@ -72,7 +72,7 @@ pub struct Touch {
     pub overlap: f64,
     /// Unit normal from A to B.
     pub normal: Vec3,
-    /// Contact point seen from the centre of A [m].
+    /// Contact point relative to the centre of A [m].
     pub point: Vec3,
 }
 
@@ -203,7 +203,7 @@ impl<'a> Posed<'a> {
         Self { shape, frame, scale: 1.0, facet: 0 }
     }
 
-    /// Farthest point along `direction`, in world axes, seen from the body's centre [m].
+    /// Support point along `direction`, in world axes, relative to the body's centre [m].
     #[inline]
     pub fn support(&self, direction: &Vec3) -> Vec3 {
         self.frame * (self.shape.support(&self.frame.tr_mul(direction)) * self.scale)

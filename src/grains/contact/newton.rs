@@ -55,7 +55,7 @@ pub(super) struct Evaluation<L> {
 #[derive(Clone, Copy)]
 pub(super) struct Hessian<L> {
     entries: Symmetric<L>,
-    /// Sum of the two eigenvalues on the tangent plane; the product is next.
+    /// Sum and product of the two eigenvalues on the tangent plane.
     pub(super) trace: L,
     pub(super) product: L,
 }
@@ -132,7 +132,7 @@ impl<L: Lanes> Ellipsoids<L> {
 
     /// Minimises `δ` from `start`, unit vectors, in the lanes whose bits are set; lengths are in units of the pair's length.
     ///
-    /// A lane that has not converged after this number of `evaluations`, or that gets a NaN, is in none of the masks of [`Ends`].
+    /// A lane that has not converged after this number of `evaluations`, or that gets a NaN, is in none of the masks of `Ends`.
     #[inline(always)]
     pub(super) fn descend(&self, start: Triple<L>, lanes: u8, evaluations: u32) -> Ends<L> {
         let zero = L::all(0.0);

@@ -259,7 +259,7 @@ impl Quantity {
         Self::OfAdhesion,
     ];
 
-    /// Channels that laws sum separately. That of friction is stored with the torque.
+    /// Channels that laws sum separately. The friction channel is stored with the torque.
     pub const OF_CONTACTS: [Self; 3] =
         [Self::OfTangentialDashpots, Self::OfTurning, Self::OfAdhesion];
 

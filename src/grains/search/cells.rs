@@ -504,7 +504,7 @@ mod tests {
         Vec3::new((i * 0.819_172_5).fract(), (i * 0.671_043_6).fract(), (i * 0.549_700_5).fract())
     }
 
-    /// Spheres of these radii at the points. Those in the lower `share` of x are owned, the rest ghosts.
+    /// Spheres of these radii at the points. Spheres in the lower `share` of x are owned, the rest ghosts.
     ///
     /// Each size is a shape of its own or, if `sized`, a scale of the first.
     fn spheres(

@@ -4,7 +4,7 @@
 //! Steiner's formula: that polyhedron, a prism of height `r` on each face, a wedge of a cylinder along each edge and a sector of a sphere at
 //! each corner. Its volume is `V = V₀ + S r + M r² + 4π/3 r³` with the surface `S` and half the sum `M` of edge lengths times exterior angles.
 //!
-//! The second moments of all these pieces have closed forms. Those of the sectors follow from integrals of `u` and `u uᵀ` over a spherical
+//! The second moments of all these pieces have closed forms. The moments of the sectors follow from integrals of `u` and `u uᵀ` over a spherical
 //! polygon, which Stokes's theorem turns into sums over its sides (Arvo 1995, "Applications of irradiance tensors",
 //! DOI 10.1145/218380.218467).
 

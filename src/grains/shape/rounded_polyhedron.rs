@@ -32,7 +32,7 @@ struct Written {
 
 impl From<Written> for RoundedPolyhedron {
     fn from(Written { core, radius, volume, gyration, placement }: Written) -> Self {
-        // Facets of the core, for values that [`RoundedPolyhedron::new`] rejects.
+        // Facets of the core, for values that `RoundedPolyhedron::new` rejects.
         let chamfered = chamfered(&core, radius).unwrap_or_else(|| core.facets().clone());
         let distance = |vertex: &Vec3| core.distance(vertex);
         let farthest = chamfered.vertices().iter().map(distance).fold(radius, f64::max);

@@ -259,7 +259,7 @@ impl Exponents {
         supports
     }
 
-    /// [`Self::support`] for a unit vector, with a finite Hessian; `None` for a body that is not round.
+    /// `Self::support` for a unit vector, with a finite Hessian; `None` for a body that is not round.
     #[inline]
     pub(super) fn curved_support(
         self,
@@ -282,7 +282,7 @@ impl Exponents {
         Some(CurvedSupport { point: here.point, ..beside })
     }
 
-    /// [`Self::curved_support`] of two bodies, which takes little longer than one.
+    /// `Self::curved_support` of two bodies, which takes little longer than one.
     #[inline]
     pub(super) fn curved_supports(
         exponents: [Self; 2],

@@ -454,7 +454,7 @@ impl Wall {
         })
     }
 
-    /// Torque about the point of [`TorqueAbout`] [N m], from that about the reference point and the force on the wall [N].
+    /// Torque about the point of `TorqueAbout` [N m], from that about the reference point and the force on the wall [N].
     pub fn torque_of(&self, about_reference: &Vec3, force: &Vec3) -> Vec3 {
         match self.torque {
             Some(TorqueAbout::Fixed(point)) => about_reference + (self.point - point).cross(force),

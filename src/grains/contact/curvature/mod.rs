@@ -326,7 +326,7 @@ const AROUND: [[f64; 2]; 8] = [
     [0.0, -1.0],
     [DIAGONAL, -DIAGONAL],
 ];
-/// Relative step of the finite differences of [`bounded`].
+/// Relative step of the finite differences of `bounded`.
 const SMALL: f64 = 1e-4;
 /// Size of the fourth power below which a normal counts as a corner of the cube, see [`fourfold`] [-].
 const AT_CORNER: f64 = 1e-9;

@@ -29,7 +29,7 @@ use crate::shape::clip::{Clipped, Face};
 /// A volume that two bodies share, as a body that was cut: its uncut facets are those of the first body.
 pub(super) struct Lump<'a> {
     shared: &'a Clipped,
-    /// From the axes and unit of length of the volume to those of all lumps.
+    /// Rotation and scale from the axes and unit of length of the volume to those of all lumps.
     turn: Mat3,
     /// Position of its origin [m].
     from: Vec3,

@@ -87,7 +87,7 @@ pub(super) struct Solid {
     cells: Cells,
     /// Distance from a plane below which a point counts as in it [m].
     pub(super) level: f64,
-    /// The same distance for points rounded by a file [m].
+    /// Distance from a plane below which a point rounded by a file counts as in it [m].
     pub(super) rounded: f64,
 }
 
