@@ -283,7 +283,9 @@ pub fn step_energy(particles: &Particles, slot: usize, field: &Field, dt: f64) -
     -0.125 * dt * dt * energy
 }
 
-/// Work of the last kick of a step of `dt` [s] on a particle without contacts, without damping, and [`step_energy`] after it [J].
+/// Energy that the last kick of a step of `dt` [s] gives to a particle without contacts, without damping [J].
+///
+/// It includes [`step_energy`] after the kick.
 pub fn last_work(particles: &Particles, slot: usize, field: &Field, dt: f64) -> f64 {
     let weight = field.gravity * particles.mass(slot);
     0.5 * dt * weight.dot(&particles.velocity[slot])

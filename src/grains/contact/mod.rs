@@ -409,7 +409,7 @@ pub struct Touching {
     pub patch: Vec<Patch>,
     /// Whether points are left out. For spheres they follow from normal and overlap.
     pub without_points: bool,
-    /// Whether patches are kept. Only bodies with faces need them.
+    /// Whether patches are kept. Contacts in one point do not need them.
     pub with_patches: bool,
 }
 

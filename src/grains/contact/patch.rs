@@ -4,7 +4,7 @@
 //! centroid of the patch that both support features share. It is the middle of the common segment for an edge on a face, and the corner
 //! itself for a corner.
 //!
-//! With exact features, that point would jump by half a face when a face tilts by one rounding error, and a resting cube would rock from
+//! With exact features, that point would jump by half a face when a face tilts by one rounding error. A resting cube would rock from
 //! corner to corner. A feature is therefore the part of the body within a small depth `t` of the support plane, a fixed part of the
 //! overlap. Where that is a face, the section of the body at that depth represents it. It shrinks steadily from the whole face to an edge
 //! while the face tilts by `t` over its width; the section of an edge shrinks to a corner in the same way.
@@ -251,7 +251,7 @@ pub(super) fn nearest_of_segments(a: &[Vec3; 2], b: &[Vec3; 2]) -> (Vec3, Vec3) 
     let s = if crossed > PARALLEL * PARALLEL * (uu * vv) {
         ((uv * vw - uw * vv) / crossed).clamp(0.0, 1.0)
     } else {
-        // The range in which B faces A, or A's nearest ends.
+        // Middle of the part of A that faces B, or A's nearest end.
         0.5 * (on_a(0.0) + on_a(1.0))
     };
     let t = on_b(s);

@@ -257,7 +257,7 @@ pub fn all_within(particles: &Particles, distance: f64) -> bool {
 
 /// Square of the largest displacement since the pairs were listed [m²]; infinite if a position is not a number.
 ///
-/// It covers owned particles, walls, and half of the distance by which images have slid.
+/// It is that of owned particles and walls, plus half of the distance by which images have slid.
 pub fn moved_squared(particles: &Particles) -> f64 {
     let mut largest = 0.0;
     let mut sound = true;

@@ -2,7 +2,7 @@
 //!
 //! Points are added one by one. A point outside replaces the faces that it sees (the incremental algorithm: de Berg et al. 2008,
 //! *Computational Geometry*, section 11.2). Exact predicates decide which faces a point sees (Shewchuk 1997, DOI 10.1007/PL00009321). The
-//! result is a closed convex surface whatever the rounding of the points, even if four corners or a thousand of a face are not quite in one
+//! result is a closed convex surface whatever the rounding of the points. The corners of a face, four or a thousand, need not be exactly in one
 //! plane. The time grows with the square of the number of points, which is negligible for a particle that is read once. Faster crates depend
 //! on another linear algebra library.
 

@@ -1,6 +1,6 @@
 //! Rounded polyhedron: all points within a radius of a convex polyhedron, its core.
 //!
-//! The gap between the cores of two of them is the sum of both radii less the overlap, so an exact contact costs no more than a distance. It
+//! The gap between the cores of two of them is the sum of both radii less the overlap. An exact contact thus costs no more than a distance. It
 //! suits particles with worn edges; sharp ones need more expensive methods, which a small radius avoids.
 //!
 //! In contacts of faces it is represented by a polyhedron ([`RoundedPolyhedron::chamfered`]): its faces, and one chamfer for each edge and

@@ -137,7 +137,7 @@ impl Strip {
         (across - self.axis * self.slope) / (1.0 + self.slope * self.slope).sqrt()
     }
 
-    /// Distance of a point from the surface of the strip, continued in all directions [m].
+    /// Distance of a point from the surface of the strip, continued beyond its borders [m].
     pub fn distance(&self, point: &Vec3) -> f64 {
         let way = point - self.from;
         let along = way.dot(&self.axis);

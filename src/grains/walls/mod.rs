@@ -13,8 +13,8 @@
 //! since the wall began its present motion. A million steps have the rounding of one, and a run that continues from a snapshot has the same
 //! bits.
 //!
-//! A wall is moved by its scene, with constant velocities or a motion prescribed in time ([`courses`]), or by a drive, which sets its
-//! velocities in each step (`drive::servo`, `drive::free`).
+//! A scene moves a wall with constant velocities or a motion prescribed in time ([`courses`]). A drive sets the velocities of a wall in each
+//! step (`drive::servo`, `drive::free`).
 
 pub mod courses;
 mod saved;

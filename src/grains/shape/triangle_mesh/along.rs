@@ -61,7 +61,7 @@ impl Strip {
         (Round { side: 1.0, height, radius, axis, slope }, way)
     }
 
-    /// Least distance of a segment from the surface, continued in all directions [m].
+    /// Least distance of a segment from the surface, continued beyond its borders [m].
     pub fn clear_of(&self, [from, to]: &[Vec3; 2]) -> f64 {
         let (round, way) = self.seen_from(&((from + to) * 0.5), &((to - from) * 0.5));
         let stretch = Stretch { facet: 0, range: [-1.0, 1.0], way, over: Over::Round(round) };
