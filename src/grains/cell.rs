@@ -1,14 +1,14 @@
-//! The box in which particles may be, and how it repeats: images, wrapping, distances across periods.
+//! The box of the particles and its periodicity: images, wrapping, distances across periods.
 //!
-//! A cell that is sheared (Lees and Edwards 1972, DOI 10.1088/0022-3719/5/15/006) keeps its edges: the images above and below
-//! slide past it. They are displaced by the strain times the period, and move with the rate times the period; whoever leaves
-//! through such a face comes back elsewhere and with another velocity.
+//! A sheared cell (Lees and Edwards 1972, DOI 10.1088/0022-3719/5/15/006) keeps its edges, and the images above and below slide past it.
+//! They are displaced by the strain times the period, and move with the rate times the period. A body that leaves through such a face
+//! returns at another place and with another velocity.
 //!
 //! A cell may also be carried by a homogeneous flow: its edges `H` follow `dH/dt = L H`. `H` and the velocity gradient `L` are upper
-//! triangular: the first edge stays along x, the second in the plane of x and y. Velocities of bodies are then those against the flow
-//! (peculiar velocities; Evans and Morriss 1984, DOI 10.1103/PhysRevA.30.1528): a body at `x` goes with `v + L x`. The bodies stand in the
-//! upright box of the sides `H_xx`, `H_yy`, `H_zz`, which holds one image of each. Edges are chosen anew in each step so that their tilts
-//! are at most half of a side: by whole edges, from `H` alone, so the same on every rank.
+//! triangular: the first edge stays along x, the second in the plane of x and y. Velocities of bodies are then relative to the flow
+//! (peculiar velocities; Evans and Morriss 1984, DOI 10.1103/PhysRevA.30.1528): a body at `x` moves with `v + L x`. The bodies are in the
+//! upright box of the sides `H_xx`, `H_yy`, `H_zz`, which holds one image of each. In each step, whole edges are added or subtracted so that
+//! the tilts of the edges are at most half of a side. This choice follows from `H` alone and is therefore the same on every rank.
 
 use crate::lanes::{Eight, Triple};
 use crate::math::{Mat3, Vec3};
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 /// Names of the axes.
 pub const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// The sides of the box: name, axis, and the component along it of the normal inwards.
+/// Sides of the box: name, axis, and the component of the inward normal along it.
 pub const SIDES: [(&str, usize, f64); 6] = [
     ("-x", 0, 1.0),
     ("+x", 0, -1.0),
@@ -30,9 +30,9 @@ pub const SIDES: [(&str, usize, f64); 6] = [
 /// A simple shear: the velocity along one axis grows along another.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shear {
-    /// The axis along which images slide.
+    /// Axis along which images slide.
     pub along: usize,
-    /// The axis across which they do.
+    /// Axis across which images slide.
     pub across: usize,
     /// Velocity over height [1/s].
     pub rate: f64,
@@ -40,44 +40,44 @@ pub struct Shear {
     pub strain: f64,
 }
 
-/// A box, and which of its axes repeat.
+/// A box with its periodic axes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    /// Lowest corner, from which the edges go [m].
+    /// Lowest corner, from which the edges start [m].
     origin: Vec3,
-    /// The corner opposite to it where the edges are along the axes [m].
+    /// Highest corner of the box, whose edges are along the axes [m].
     high: Vec3,
     periodic: [bool; 3],
-    /// Length of the period along each axis, infinite where there is none [m].
+    /// Length of the period along each axis, infinite without one [m].
     period: Vec3,
-    /// Are the images where the edges are?
+    /// Position of the images relative to the edges.
     images: Images,
 }
 
-/// Where the images of a cell are.
+/// Positions of the images of a cell.
 #[expect(clippy::large_enum_variant, reason = "a run has one")]
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 enum Images {
-    /// Along its edges, which are along the axes.
+    /// At the edges, which are along the axes.
     Square,
-    /// They slide along each other. Both axes repeat.
+    /// Images that slide along each other. Both axes are periodic.
     Slide(Sliding),
-    /// A flow carries the edges. All axes repeat.
+    /// Edges carried by a flow. All axes are periodic.
     Carried(Carried),
 }
 
-/// How a flow has carried a cell.
+/// State of a cell carried by a flow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Strained {
-    /// The edges, as columns; upper triangular, as carried, not chosen anew [m].
+    /// Edges, as columns; upper triangular, as carried and without whole edges removed [m].
     pub edges: Mat3,
-    /// Velocity gradient in the step to come; upper triangular [1/s].
+    /// Velocity gradient in the next step; upper triangular [1/s].
     pub rate: Mat3,
-    /// Sum of the velocity gradient over time so far; upper triangular [-].
+    /// Integral of the velocity gradient over time so far; upper triangular [-].
     pub strain: Mat3,
 }
 
-/// A cell whose edges follow a flow, with what follows from it.
+/// A cell whose edges follow a flow, with derived values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Carried {
     strained: Strained,
@@ -85,26 +85,28 @@ struct Carried {
     last_rate: Mat3,
     /// Half of the last step [s].
     half: f64,
-    /// Edges of the same images with the least tilts, as columns [m].
+    /// Edges with the same images and the least tilts, as columns [m].
     chosen: Mat3,
-    /// How many of the first edge each of them has less than the carried one, and the third of the second: xy, xz, yz.
+    /// Numbers of whole edges that `chosen` has less than the carried edges: xy and xz of the first, yz of the second.
     turns: [i32; 3],
-    /// How much nearer two bodies within reach can have come by the flow since the pairs were listed [m].
+    /// Largest distance by which the flow has brought two bodies within reach nearer since the pairs were listed [m].
     neared: f64,
 }
 
 impl Carried {
-    /// How much faster the flow was half a step ago between two bodies that now part at `parting` beside it, from how much faster it is
-    /// `now` between them [m/s]. In that time they went half of their way.
+    /// Difference of the flow velocity between two bodies half a step ago [m/s].
+    ///
+    /// `now` is the present difference, and `parting` is the velocity difference of the bodies relative to the flow. In half a step they
+    /// moved half of their way.
     fn midway(&self, now: &Vec3, parting: &Vec3) -> Vec3 {
         now - upper(&self.last_rate, &(now + parting)) * self.half
     }
 
-    /// The nearest images of differences between two places [m].
+    /// Nearest images of differences between two places [m].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     fn nearest_of<L: Eight>(&self, mut r: Triple<L>) -> Triple<L> {
-        // Parts of the other edges along the first may add up to a whole one.
+        // The parts of the other edges along the first may add up to a whole one.
         for axis in [2, 1, 0, 0] {
             let edge = self.chosen.column(axis);
             let half = 0.5 * edge[axis];
@@ -118,7 +120,7 @@ impl Carried {
         r
     }
 
-    /// How much faster the flow was half a step ago over these differences in place [m], between bodies that part beside it [m/s].
+    /// Difference of the flow velocity half a step ago [m/s], for differences in place [m] and `parting` velocities relative to the flow [m/s].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     fn faster_midway<L: Eight>(&self, r: Triple<L>, parting: Triple<L>) -> Triple<L> {
@@ -130,13 +132,13 @@ impl Carried {
 /// Change of places in a step of a flow.
 #[derive(Clone, Copy, Debug)]
 pub struct Stretch {
-    /// Moves places against the lowest corner; upper triangular.
+    /// Deformation of places relative to the lowest corner; upper triangular [-].
     pub places: Mat3,
     /// Velocity gradient [1/s].
     pub rate: Mat3,
 }
 
-/// `r` times a matrix of which the lower triangle is zero.
+/// Product of an upper triangular matrix and `r`.
 #[inline]
 fn upper(m: &Mat3, r: &Vec3) -> Vec3 {
     Vec3::new(m.m11 * r.x + m.m12 * r.y + m.m13 * r.z, m.m22 * r.y + m.m23 * r.z, m.m33 * r.z)
@@ -153,7 +155,7 @@ fn upper_of<L: Eight>(m: &Mat3, r: Triple<L>) -> Triple<L> {
     }
 }
 
-/// The inverse of an upper triangular matrix.
+/// Inverse of an upper triangular matrix.
 pub fn upper_inverse(m: &Mat3) -> Mat3 {
     let (x, y, z) = (1.0 / m.m11, 1.0 / m.m22, 1.0 / m.m33);
     let (xy, yz) = (-m.m12 * x * y, -m.m23 * y * z);
@@ -161,19 +163,19 @@ pub fn upper_inverse(m: &Mat3) -> Mat3 {
     Mat3::new(x, xy, xz, 0.0, y, yz, 0.0, 0.0, z)
 }
 
-/// A box that reaches out of the cell along an axis.
+/// A box that extends out of the cell along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beyond {
     /// Name of the axis.
     pub axis: &'static str,
-    /// From where to where the box is along it [m].
+    /// Lower and upper end of the box along the axis [m].
     pub place: [f64; 2],
-    /// From where to where the cell is [m].
+    /// Lower and upper end of the cell [m].
     pub ends: [f64; 2],
 }
 
 impl Beyond {
-    /// Does it reach out at the upper end?
+    /// Whether the box extends out at the upper end.
     pub fn is_above(&self) -> bool {
         self.place[1] > self.ends[1]
     }
@@ -182,32 +184,32 @@ impl Beyond {
 /// A face of the box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Face {
-    /// As a scene calls it: `-x`.
+    /// Name in a scene: `-x`.
     pub name: &'static str,
-    /// The axis across which it stands.
+    /// Axis across which the face lies.
     pub axis: usize,
     /// A point on it [m].
     pub point: Vec3,
     /// Unit normal inwards.
     pub normal: Vec3,
-    /// Is there an image behind it?
+    /// Whether there is an image behind the face.
     pub repeats: bool,
 }
 
-/// A shear, with what follows from it for the image above.
+/// A shear, with derived values for the image above.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Sliding {
     shear: Shear,
-    /// Displacement, without whole periods: at most half of one [m].
+    /// Displacement without whole periods: at most half of one [m].
     offset: f64,
-    /// Whole periods that were left out.
+    /// Number of whole periods left out of the displacement.
     turns: i32,
-    /// The strain when the pairs were listed [-].
+    /// Strain when the pairs were listed [-].
     listed: f64,
 }
 
 impl Cell {
-    /// One without an end.
+    /// A cell without bounds.
     pub const OPEN: Self = Self {
         origin: Vec3::new(f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY),
         high: Vec3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY),
@@ -216,7 +218,7 @@ impl Cell {
         images: Images::Square,
     };
 
-    /// Between two corners [m].
+    /// A cell between two corners [m].
     pub fn new(low: Vec3, high: Vec3, periodic: [bool; 3]) -> Self {
         let length =
             |axis: usize| if periodic[axis] { high[axis] - low[axis] } else { f64::INFINITY };
@@ -224,7 +226,7 @@ impl Cell {
         Self { origin: low, high, periodic, period, images: Images::Square }
     }
 
-    /// The same, sheared; `None` if both axes are one, or one of them does not repeat.
+    /// Copy with a shear; `None` if both axes are the same, or one of them is not periodic.
     #[must_use]
     pub fn with_shear(self, shear: Shear) -> Option<Self> {
         let Shear { along, across, strain, .. } = shear;
@@ -238,8 +240,9 @@ impl Cell {
         Some(cell)
     }
 
-    /// This cell with edges that a flow carries; `None` if an axis does not repeat, or the edges are none of an upper triangular matrix with
-    /// a diagonal above 0.
+    /// Copy with edges that a flow carries.
+    ///
+    /// Returns `None` if an axis is not periodic, or if the edges are not an upper triangular matrix with a positive diagonal.
     #[must_use]
     pub fn with_strain(self, strained: Strained) -> Option<Self> {
         let Strained { edges, rate, strain } = strained;
@@ -262,7 +265,7 @@ impl Cell {
         Some(cell)
     }
 
-    /// A cell along the axes that a flow may carry from now on; `None` if an axis does not repeat, or images slide.
+    /// Copy that a flow may carry from now on, with edges along the axes; `None` if an axis is not periodic, or images slide.
     #[must_use]
     pub fn at_rest(self) -> Option<Self> {
         let (edges, zero) = (Mat3::from_diagonal(&self.period), Mat3::zeros());
@@ -271,7 +274,7 @@ impl Cell {
         if is_square { self.with_strain(still) } else { None }
     }
 
-    /// How a flow has carried it, if one may.
+    /// State of a cell carried by a flow; `None` for other cells.
     pub const fn strained(&self) -> Option<&Strained> {
         match &self.images {
             Images::Carried(carried) => Some(&carried.strained),
@@ -279,7 +282,7 @@ impl Cell {
         }
     }
 
-    /// Velocity gradient of the flow in the last step, if one may carry it [1/s].
+    /// Velocity gradient of the flow in the last step [1/s]; `None` if no flow carries the cell.
     pub const fn rate(&self) -> Option<Mat3> {
         match &self.images {
             Images::Carried(carried) => Some(carried.last_rate),
@@ -287,15 +290,16 @@ impl Cell {
         }
     }
 
-    /// Gives the flow another velocity gradient [1/s] for the step to come.
+    /// Sets the velocity gradient of the flow for the next step [1/s].
     pub fn set_rate(&mut self, rate: &Mat3) {
         if let Images::Carried(carried) = &mut self.images {
             carried.strained.rate = *rate;
         }
     }
 
-    /// Carries the edges on for a step of `dt` [s] in which two bodies that may touch are no farther apart than `reach` [m]. Returns what
-    /// the step does to bodies, if anything. The step is that of the implicit midpoint rule.
+    /// Moves the edges through a step of `dt` [s] by the implicit midpoint rule, and returns the change of places, if any.
+    ///
+    /// `reach` is the largest distance of two bodies that may touch [m].
     pub fn carry(&mut self, dt: f64, reach: f64) -> Option<Stretch> {
         let rounding = self.rounding_of_images();
         let Images::Carried(carried) = &mut self.images else { return None };
@@ -333,7 +337,7 @@ impl Cell {
         self.high = self.origin + self.period;
     }
 
-    /// The edge with a direction along this axis that is chosen among those with the same images [m].
+    /// The edge along this axis with the least tilt [m].
     fn edge(&self, axis: usize) -> Vec3 {
         match &self.images {
             Images::Carried(carried) => carried.chosen.column(axis).into(),
@@ -341,18 +345,18 @@ impl Cell {
         }
     }
 
-    /// The edges, as columns, which are chosen so that they lean least against the axes [m].
+    /// Edges with the least tilts, as columns [m].
     pub fn edges(&self) -> Mat3 {
         Mat3::from_columns(&[self.edge(0), self.edge(1), self.edge(2)])
     }
 
-    /// An upright cell of the same sides, if the edges of this one lean.
+    /// An upright cell of the same sides, if the edges of this one may be tilted.
     pub fn upright(&self) -> Option<Self> {
         matches!(self.images, Images::Carried(_))
             .then_some(Self { images: Images::Square, ..*self })
     }
 
-    /// The place in [the upright cell](Self::upright) that has the same part of each side as a place has of each edge [m].
+    /// The place in [the upright cell](Self::upright) with the same fractions of the sides as `place` has of the edges [m].
     pub fn in_upright(&self, place: &Vec3) -> Vec3 {
         let (edges, from) = (self.edges(), place - self.origin);
         let z = from.z / edges.m33;
@@ -362,7 +366,7 @@ impl Cell {
         self.origin + turned.component_mul(&self.period)
     }
 
-    /// No two places are farther apart in the upright cell than this many times their distance.
+    /// Upper bound of the distance of two places in the upright cell over their distance here [-].
     pub fn upright_over_distance(&self) -> f64 {
         let to_upright = Mat3::from_diagonal(&self.period) * upper_inverse(&self.edges());
         let sizes = to_upright.abs();
@@ -374,17 +378,17 @@ impl Cell {
         self.sides().product()
     }
 
-    /// The lowest and the highest corner [m].
+    /// Lowest and highest corner [m].
     pub const fn corners(&self) -> (Vec3, Vec3) {
         (self.origin, self.high)
     }
 
-    /// The middle between the corners [m].
+    /// Middle between the corners [m].
     pub fn middle(&self) -> Vec3 {
         (self.origin + self.high) * 0.5
     }
 
-    /// How long it is along each axis [m].
+    /// Lengths along the axes [m].
     pub fn sides(&self) -> Vec3 {
         self.high - self.origin
     }
@@ -396,31 +400,31 @@ impl Cell {
         Vec3::from_fn(|axis, _| 1.0 / to_parts.row(axis).norm())
     }
 
-    /// Pairs of faces with images behind them that are nearer to each other than this [m]: their axis and distance [m].
+    /// Axis and distance of periodic faces that are nearer to each other than `least` [m].
     pub fn thin(&self, least: f64) -> impl Iterator<Item = (&'static str, f64)> {
         let widths = self.widths();
         let all = self.repeating_axes().map(move |axis| (AXES[axis], widths[axis]));
         all.filter(move |&(_, width)| width < least)
     }
 
-    /// The axes along which it repeats.
+    /// Periodic axes.
     pub fn repeating_axes(&self) -> impl Iterator<Item = usize> + use<> {
         let periodic = self.periodic;
         (0..3).filter(move |&axis| periodic[axis])
     }
 
-    /// The axes along which it ends.
+    /// Axes that are not periodic.
     pub fn open_axes(&self) -> impl Iterator<Item = usize> + use<> {
         let periodic = self.periodic;
         (0..3).filter(move |&axis| !periodic[axis])
     }
 
-    /// The first axis along which it repeats and a direction has a part.
+    /// First periodic axis along which a direction has a component.
     pub fn repeats_along(&self, direction: &Vec3) -> Option<usize> {
         self.repeating_axes().find(|&axis| direction[axis] != 0.0)
     }
 
-    /// The faces of the box.
+    /// Faces of the box.
     pub fn faces(&self) -> [Face; 6] {
         SIDES.map(|(name, axis, inwards)| Face {
             name,
@@ -431,12 +435,12 @@ impl Cell {
         })
     }
 
-    /// Along which axis a box of these corners [m] reaches out of this one first.
+    /// First axis along which a box with these corners [m] extends out of this one.
     pub fn beyond(&self, low: &Vec3, high: &Vec3) -> Option<Beyond> {
         self.beyond_along(0..3, low, high)
     }
 
-    /// As [`Self::beyond`], but along the axes along which it repeats.
+    /// Same as [`Self::beyond`], along periodic axes only.
     pub fn beyond_period(&self, low: &Vec3, high: &Vec3) -> Option<Beyond> {
         self.beyond_along(self.repeating_axes(), low, high)
     }
@@ -457,7 +461,7 @@ impl Cell {
         })
     }
 
-    /// A box [m] with the ends of this one where it repeats.
+    /// A box [m] with the ends of this one along periodic axes.
     pub fn with_periods(&self, mut low: Vec3, mut high: Vec3) -> (Vec3, Vec3) {
         for axis in self.repeating_axes() {
             (low[axis], high[axis]) = (self.origin[axis], self.high[axis]);
@@ -465,7 +469,7 @@ impl Cell {
         (low, high)
     }
 
-    /// The images of a ball beside itself that come into the box [m].
+    /// Centres of a ball and of its images that extend into the box [m].
     pub fn images_of_ball(&self, centre: &Vec3, radius: f64) -> Vec<Vec3> {
         let mut all = vec![*centre];
         for axis in self.repeating_axes() {
@@ -485,18 +489,18 @@ impl Cell {
         all
     }
 
-    /// How it is sheared, if it is.
+    /// Shear of the cell, if it has one.
     pub fn shear(&self) -> Option<Shear> {
         self.sliding().map(|sliding| sliding.shear)
     }
 
-    /// May its images move against it?
+    /// Whether the images can move relative to the cell.
     #[inline]
     pub const fn moves(&self) -> bool {
         !matches!(self.images, Images::Square)
     }
 
-    /// Do they, in the last step or in the one to come?
+    /// Whether the images move in the last or in the next step.
     pub fn moves_now(&self) -> bool {
         match &self.images {
             Images::Square => false,
@@ -511,7 +515,7 @@ impl Cell {
         if let Images::Slide(sliding) = &self.images { Some(sliding) } else { None }
     }
 
-    /// Shears it on for a step of `dt` [s].
+    /// Advances the shear by a step of `dt` [s].
     pub fn advance(&mut self, dt: f64) {
         if let Images::Slide(Sliding { shear, .. }) = &mut self.images {
             shear.strain += shear.rate * dt;
@@ -519,7 +523,7 @@ impl Cell {
         }
     }
 
-    /// Finds where the images are.
+    /// Updates the positions of the images.
     fn place_images(&mut self) {
         let Self { period, images: Images::Slide(sliding), .. } = self else { return };
         let Shear { along, across, strain, .. } = sliding.shear;
@@ -528,17 +532,17 @@ impl Cell {
         (sliding.offset, sliding.turns) = (displaced - turns * period[along], turns as i32);
     }
 
-    /// Displacement of the image above, without whole periods: at most half of one [m].
+    /// Displacement of the image above without whole periods: at most half of one [m].
     pub fn slid(&self) -> f64 {
         self.sliding().map_or(0.0, |sliding| sliding.offset)
     }
 
-    /// The image of a place along a periodic axis that is nearest to another [m].
+    /// Image of a place along a periodic axis that is nearest to another place [m].
     pub fn image_along(&self, axis: usize, place: f64, other: f64) -> f64 {
         place - ((place - other) / self.period[axis]).round() * self.period[axis]
     }
 
-    /// A place in the box, and where it is after a way of at most so much [m] through periods, in the same order on every rank.
+    /// A place in the box and its images after a way of at most this length through periods [m], in the same order on every rank.
     pub fn places_within(&self, place: &Vec3, way: f64) -> Vec<Vec3> {
         let mut places = vec![*place];
         for axis in (0..3).filter(|&axis| self.periodic[axis]) {
@@ -556,7 +560,7 @@ impl Cell {
         places
     }
 
-    /// Takes note that the pairs are listed now.
+    /// Records that the pairs are listed now.
     pub fn note_listing(&mut self) {
         match &mut self.images {
             Images::Square => {}
@@ -565,7 +569,7 @@ impl Cell {
         }
     }
 
-    /// How far the images have slid since the pairs were listed, or bodies that may touch have come nearer by the flow [m].
+    /// Distance by which images have slid, or the flow has brought bodies that may touch nearer, since the pairs were listed [m].
     pub fn slid_since_listed(&self) -> f64 {
         match &self.images {
             Images::Square => 0.0,
@@ -576,7 +580,7 @@ impl Cell {
         }
     }
 
-    /// Velocity of the image above [m/s]; zero if none slides.
+    /// Velocity of the image above [m/s]; zero if no image slides.
     pub fn velocity_above(&self) -> Vec3 {
         let mut velocity = Vec3::zeros();
         if let Some(Shear { along, across, rate, .. }) = self.shear() {
@@ -585,7 +589,7 @@ impl Cell {
         velocity
     }
 
-    /// Velocity of the image at this shift from a body against it [m/s].
+    /// Velocity of the image at this shift relative to a body [m/s].
     pub fn velocity_of_image(&self, shift: &Vec3) -> Vec3 {
         if let Images::Carried(carried) = &self.images {
             return upper(&carried.last_rate, shift);
@@ -595,7 +599,7 @@ impl Cell {
         self.velocity_above() * periods
     }
 
-    /// How fast it is sheared: of a flow `sqrt(2 D:D)` with the deviator `D` of its rate of strain [1/s].
+    /// Shear rate [1/s]. For a flow it is `sqrt(2 D:D)` with the deviator `D` of its rate of strain.
     pub fn shear_rate(&self) -> f64 {
         let Images::Carried(Carried { strained, .. }) = &self.images else {
             return self.shear().map_or(0.0, |shear| shear.rate.abs());
@@ -605,7 +609,7 @@ impl Cell {
         2.0_f64.sqrt() * deviator.norm()
     }
 
-    /// How far the image above has slid so far [m]; zero if none slides.
+    /// Displacement of the image above so far [m]; zero if no image slides.
     pub fn way_above(&self) -> Vec3 {
         let mut way = Vec3::zeros();
         if let Some(Shear { along, across, strain, .. }) = self.shear() {
@@ -614,7 +618,7 @@ impl Cell {
         way
     }
 
-    /// The velocity of the flow at a place [m/s]: zero in the middle of the cell, and where nothing slides.
+    /// Velocity of the shear flow at a place [m/s]: zero in the middle of the cell, and without a shear.
     pub fn flow_at(&self, place: &Vec3) -> Vec3 {
         let mut velocity = Vec3::zeros();
         if let Some(Shear { along, across, rate, .. }) = self.shear() {
@@ -624,16 +628,18 @@ impl Cell {
         velocity
     }
 
-    /// How many faces between images lie on the shortest way of a difference of two places [m], along an axis: 1 if the
-    /// nearest image is the one below, -1 if it is the one above.
+    /// Number of faces between images on the shortest way of a difference of two places [m], along an axis.
+    ///
+    /// It is 1 if the nearest image is the one below, and -1 if it is the one above.
     #[inline]
     fn faces_between(&self, difference: f64, axis: usize) -> f64 {
         let half = 0.5 * self.period[axis];
         f64::from(i8::from(difference > half) - i8::from(difference < -half))
     }
 
-    /// The velocity of the image that [`Cell::nearest`] takes for a difference of two places [m], against the cell's own
-    /// bodies [m/s]: in a flow how much faster it is where the other place is.
+    /// Velocity of the image that [`Cell::nearest`] takes for a difference of two places [m], relative to the cell's own bodies [m/s].
+    ///
+    /// In a flow it is the difference of the flow velocity between the places.
     #[inline]
     pub fn velocity_of_nearest(&self, difference: &Vec3) -> Vec3 {
         match &self.images {
@@ -645,8 +651,9 @@ impl Cell {
         }
     }
 
-    /// [`Self::velocity_of_nearest`] half a step ago, where velocities are those that carry bodies through the step. `parting` is how fast the
-    /// other body leaves the one, the flow left out [m/s].
+    /// [`Self::velocity_of_nearest`] half a step ago, where the velocities are those that carry bodies through the step.
+    ///
+    /// `parting` is the velocity of the other body relative to the first, without the flow [m/s].
     #[inline]
     pub fn velocity_of_nearest_midway(&self, difference: &Vec3, parting: &Vec3) -> Vec3 {
         let now = self.velocity_of_nearest(difference);
@@ -656,7 +663,7 @@ impl Cell {
         }
     }
 
-    /// As [`Self::velocity_of_nearest`], in the step to come.
+    /// [`Self::velocity_of_nearest`] in the next step.
     pub fn velocity_of_nearest_ahead(&self, difference: &Vec3) -> Vec3 {
         match &self.images {
             Images::Carried(carried) => upper(&carried.strained.rate, &self.nearest(*difference)),
@@ -664,7 +671,7 @@ impl Cell {
         }
     }
 
-    /// [`Self::velocity_of_nearest_midway`] in lanes, of a difference in position [m] and in velocity [m/s].
+    /// [`Self::velocity_of_nearest_midway`] in lanes, for differences in position [m] and velocity [m/s].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     pub fn velocity_of_nearest_in_lanes<L: Eight>(
@@ -689,22 +696,22 @@ impl Cell {
         downwards.or(upwards.or(Triple::zero(), below), above)
     }
 
-    /// Which axes repeat.
+    /// Whether each axis is periodic.
     pub const fn periodic(&self) -> [bool; 3] {
         self.periodic
     }
 
-    /// Does it repeat along any axis?
+    /// Whether any axis is periodic.
     pub fn repeats(&self) -> bool {
         self.periodic.contains(&true)
     }
 
-    /// Lengths of the periods [m]; infinite along axes along which it does not repeat.
+    /// Lengths of the periods [m]; infinite along axes that are not periodic.
     pub const fn periods(&self) -> Vec3 {
         self.period
     }
 
-    /// Has another cell other periods? One that begins elsewhere has the same lengths but for rounding.
+    /// Whether another cell has different periods. A cell with another origin has the same lengths within rounding.
     pub fn repeats_otherwise(&self, other: &Self) -> bool {
         if let [Images::Carried(_), Images::Carried(_)] = [self.images, other.images] {
             return false;
@@ -713,12 +720,13 @@ impl Cell {
         self.period.iter().zip(&other.period).any(differs)
     }
 
-    /// The shortest of all images of a difference of two places [m]. Depends on positions alone, so a pair has the same
-    /// bits on every rank. Periods are longer than twice the largest reach.
+    /// The shortest of all images of a difference of two places [m].
+    ///
+    /// It depends on positions alone, so a pair has the same bits on every rank. Periods are longer than twice the largest reach.
     #[inline]
     pub fn nearest(&self, mut difference: Vec3) -> Vec3 {
         if let Images::Carried(Carried { chosen, .. }) = &self.images {
-            // Parts of the other edges along the first may add up to a whole one.
+            // The parts of the other edges along the first may add up to a whole one.
             for axis in [2, 1, 0, 0] {
                 let faces = self.faces_between(difference[axis], axis);
                 difference -= chosen.column(axis) * faces;
@@ -741,7 +749,7 @@ impl Cell {
         difference
     }
 
-    /// The same in lanes.
+    /// `Self::nearest` in lanes.
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     pub fn nearest_of<L: Eight>(&self, mut r: Triple<L>) -> Triple<L> {
@@ -771,19 +779,19 @@ impl Cell {
         r
     }
 
-    /// The way of a body from one place to another, through a periodic face or not [m].
+    /// Displacement of a body from one place to another, through a periodic face or not [m].
     #[inline]
     pub fn moved(&self, from: &Vec3, to: &Vec3) -> Vec3 {
         self.nearest(to - from)
     }
 
-    /// The image of a place [m] that is nearest to another along periodic axes.
+    /// Image of a place that is nearest to another place along periodic axes [m].
     pub fn image_near(&self, place: &Vec3, other: &Vec3) -> Vec3 {
         let image = other + self.nearest(place - other);
         Vec3::from_fn(|axis, _| if self.periodic[axis] { image[axis] } else { place[axis] })
     }
 
-    /// The corners between which no place is wrapped; infinite along axes that do not repeat [m].
+    /// Corners of the region in which no place is wrapped; infinite along axes that are not periodic [m].
     pub fn wraps_outside(&self) -> [Vec3; 2] {
         let end = |axis: usize, at: f64, open: f64| if self.periodic[axis] { at } else { open };
         [
@@ -794,9 +802,9 @@ impl Cell {
         ]
     }
 
-    /// Brings a place [m] back in that has gone out through a periodic face by less than a period, where it is at another
-    /// velocity if images slide [m/s]. Returns through how many faces it went, and whether it is out still. `image` counts
-    /// whole periods.
+    /// Moves a place [m] back that left through a periodic face by less than a period, and adapts its velocity if images slide [m/s].
+    ///
+    /// Returns the number of faces crossed, and whether the place is still outside. `image` counts whole periods.
     #[inline]
     pub fn wrap(&self, place: &mut Vec3, velocity: &mut Vec3, image: &mut [i32; 3]) -> (u32, bool) {
         let (mut faces, mut is_far) = (0, false);
@@ -831,7 +839,7 @@ impl Cell {
         (faces, is_far)
     }
 
-    /// As [`Self::wrap`] where a flow carries the edges: from any distance, and with one velocity everywhere.
+    /// Same as [`Self::wrap`] where a flow carries the edges: from any distance, and without a change of velocity.
     #[cold]
     fn carry_back(&self, place: &mut Vec3, image: &mut [i32; 3]) -> (u32, bool) {
         let Images::Carried(Carried { turns: [xy, xz, yz], .. }) = self.images else {
@@ -853,7 +861,7 @@ impl Cell {
         (faces, false)
     }
 
-    /// What going up through faces changes beside the height, so many of them.
+    /// Changes of place, velocity and image on the way up through this number of faces, except for the height.
     #[cold]
     fn slide(&self, up: i32, place: &mut Vec3, velocity: &mut Vec3, image: &mut [i32; 3]) {
         let Images::Slide(Sliding { shear, offset, turns, .. }) = self.images else { return };
@@ -862,7 +870,9 @@ impl Cell {
         *velocity -= self.velocity_above() * f64::from(up);
     }
 
-    /// The same from any distance. The high faces are left alone, where rounding may have put a body until the next step.
+    /// Same as [`Self::wrap`], from any distance.
+    ///
+    /// A body on a high face, where rounding may have put it, stays there until the next step.
     pub fn bring_back(&self, place: &mut Vec3, velocity: &mut Vec3, image: &mut [i32; 3]) {
         if let Images::Carried(_) = self.images {
             self.carry_back(place, image);
@@ -888,7 +898,7 @@ impl Cell {
         }
     }
 
-    /// The image of a place [m] between the periodic faces, from any distance.
+    /// Image of a place [m] between the periodic faces, from any distance.
     #[must_use]
     pub fn inside(&self, mut place: Vec3) -> Vec3 {
         if let Images::Carried(_) = self.images {
@@ -909,7 +919,7 @@ impl Cell {
         place
     }
 
-    /// From a body to its images a period away at most, itself among them [m].
+    /// Shifts from a body to its images at most a period away, including zero [m].
     pub fn shifts(&self) -> Vec<Vec3> {
         let along = |axis: usize| {
             let period = self.period[axis];
@@ -933,7 +943,7 @@ impl Cell {
             for shift in &mut shifts {
                 let [i, j, k]: [f64; 3] = shift.component_div(&self.period).into();
                 let beside = j * chosen.m12 + k * chosen.m13;
-                // Nearest along the first edge, as the others are.
+                // The image nearest along the first edge, as for the others.
                 let turns = (beside / chosen.m11).round();
                 *shift = upper(chosen, &Vec3::new(i - turns, j, k));
             }
@@ -941,7 +951,7 @@ impl Cell {
         shifts
     }
 
-    /// Where a body would be without periods [m].
+    /// Position of a body without periods [m].
     pub fn unwrapped(&self, mut place: Vec3, image: &[i32; 3]) -> Vec3 {
         if let Images::Carried(Carried { strained, .. }) = &self.images {
             return place + upper(&strained.edges, &Vec3::from(image.map(f64::from)));
@@ -955,16 +965,16 @@ impl Cell {
         place
     }
 
-    /// By how much the distance of two images may be rounded otherwise than that of their bodies [m].
+    /// Bound of the rounding by which the distance of two images may differ from that of their bodies [m].
     pub fn rounding_of_images(&self) -> f64 {
         let longest = self.period.iter().copied().filter(|length| length.is_finite());
         let lowest = if self.origin.amax().is_finite() { self.origin.amax() } else { 0.0 };
-        // A place that a flow carries is rounded a few times more.
+        // A place that a flow carries is rounded a few more times.
         let times = if self.upright().is_some() { 16.0 } else { 4.0 };
         times * f64::EPSILON * longest.fold(lowest, f64::max)
     }
 
-    /// Distance of two boxes from their corners, low and high, the nearest of their images [m].
+    /// Distance of two boxes from their low and high corners, for the nearest of their images [m].
     pub fn gap(&self, one: [&Vec3; 2], other: [&Vec3; 2]) -> f64 {
         let between = |axis: usize, shift: f64| {
             let below = one[0][axis] - (other[1][axis] + shift);
@@ -974,7 +984,7 @@ impl Cell {
         if let Images::Carried(Carried { chosen, .. }) = &self.images {
             return Self::gap_of_carried(chosen, between);
         }
-        // Of the images along an axis; where they have slid, two of them may be as near as the box itself.
+        // Least distance of the images along an axis. Where they have slid, two of them may be as near as the box itself.
         let along = |axis: usize, slid: f64| {
             if !self.periodic[axis] {
                 return between(axis, 0.0);
@@ -995,7 +1005,7 @@ impl Cell {
         image(0.0).min(image(1.0)).min(image(-1.0))
     }
 
-    /// As [`Self::gap`] where a flow carries the edges; `between` tells how far apart the boxes are along an axis, the other one shifted [m].
+    /// [`Self::gap`] where a flow carries the edges; `between` gives the distance of the boxes along an axis for a shift of the other one [m].
     fn gap_of_carried(chosen: &Mat3, between: impl Fn(usize, f64) -> f64) -> f64 {
         let mut least = f64::INFINITY;
         for k in [-1.0, 0.0, 1.0] {
@@ -1011,7 +1021,7 @@ impl Cell {
         least
     }
 
-    /// The nearest place between two corners; along a periodic axis everything is inside [m].
+    /// Nearest place between two corners; along a periodic axis every place is inside [m].
     pub fn clamped(&self, place: &Vec3, low: &Vec3, high: &Vec3) -> Vec3 {
         Vec3::from_fn(|axis, _| {
             let x = place[axis];
@@ -1019,7 +1029,7 @@ impl Cell {
         })
     }
 
-    /// Is a place between two corners, but for so much slack [m]? Along a periodic axis everything is inside.
+    /// Whether a place is between two corners, with a tolerance `slack` [m]. Along a periodic axis every place is inside.
     pub fn has_within(&self, place: &Vec3, low: &Vec3, high: &Vec3, slack: f64) -> bool {
         (0..3).all(|axis| {
             let x = place[axis];
@@ -1051,7 +1061,7 @@ mod tests {
             assert!((cell.unwrapped(place, &image) - out).norm() < 1e-15);
             assert_eq!(cell.nearest(place - out).norm(), 0.0);
         }
-        // Far out: one face at a time is not enough.
+        // Far outside: one face at a time is not enough.
         let (mut place, mut image) = (Vec3::new(6.5, 0.0, 3.0), [0; 3]);
         let mut velocity = Vec3::zeros();
         assert_eq!(cell.wrap(&mut place, &mut velocity, &mut image), (1, true));

@@ -1,7 +1,7 @@
-//! Files by their names: a file that is written follows no link, and only a regular file is read.
+//! Opening of files: writing follows no link, and only regular files are read.
 //!
-//! A folder may be one that others write to, and a file one that somebody has sent. Opened like any file, a link under the name
-//! of a new one leads the writer elsewhere, and a named pipe makes the reader wait for ever.
+//! Others may write to a folder, and a file may come from somebody else. With an ordinary open, a link under the name of a new file would
+//! redirect the writer, and a named pipe would block the reader for ever.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -9,37 +9,37 @@ use std::io::{self, BufWriter, Read as _, Write as _};
 use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 
-/// Opens a regular file to be read.
+/// Opens a regular file for reading.
 ///
 /// # Errors
-/// What the system says, or that it is a pipe, a device or a folder.
+/// If the system reports one, or for a pipe, a device or a folder.
 pub fn open(path: &Path) -> io::Result<File> {
-    // Without waiting for whoever writes to a pipe.
+    // Non-blocking, so that it does not wait for the writer of a pipe.
     regular(File::options().read(true).custom_flags(libc::O_NONBLOCK).open(path)?)
 }
 
-/// All bytes of a regular file.
+/// Reads all bytes of a regular file.
 ///
 /// # Errors
-/// As [`open`].
+/// See [`open`].
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open(path)?.read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-/// The text of a regular file.
+/// Reads the text of a regular file.
 ///
 /// # Errors
-/// As [`open`], or it is not UTF-8.
+/// See [`open`]; also if the text is not UTF-8.
 pub fn read_to_string(path: &Path) -> io::Result<String> {
     io::read_to_string(open(path)?)
 }
 
-/// Opens a file to hold it, made if it is missing, and changes nothing in it.
+/// Opens a file to hold it, and creates it if it is missing, without changing its content.
 ///
 /// # Errors
-/// What the system says, or that it is a link, a pipe, a device or a folder.
+/// If the system reports one, or for a link, a pipe, a device or a folder.
 pub fn hold(path: &Path) -> io::Result<File> {
     let flags = libc::O_NOFOLLOW | libc::O_NONBLOCK;
     let mut how = File::options();
@@ -54,19 +54,19 @@ fn regular(file: File) -> io::Result<File> {
     }
 }
 
-/// Creates a file in place of what has its name; of a link, the link goes.
+/// Creates a file in place of an existing one; an existing link is itself removed.
 ///
 /// # Errors
-/// What the system says.
+/// If the system reports one.
 pub fn create(path: &Path) -> io::Result<File> {
     remove_if_there(path)?;
     File::options().write(true).create_new(true).open(path)
 }
 
-/// Removes a file; one that is not there is gone already.
+/// Removes a file, if it exists.
 ///
 /// # Errors
-/// What the system says.
+/// If the system reports one.
 pub fn remove_if_there(path: &Path) -> io::Result<()> {
     match fs::remove_file(path) {
         Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
@@ -74,7 +74,7 @@ pub fn remove_if_there(path: &Path) -> io::Result<()> {
     }
 }
 
-/// The name under which a file is written until it is whole: `.NAME.partial`.
+/// Name of a file until it is complete: `.NAME.partial`.
 pub fn partial(path: &Path) -> PathBuf {
     let mut name = OsString::from(".");
     name.push(path.file_name().unwrap_or_default());
@@ -82,10 +82,10 @@ pub fn partial(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Replaces a file at once by a new one, which is on the disk by then. What fails leaves the old one.
+/// Replaces a file atomically by a new one that is already on the disk. After an error the old file is unchanged.
 ///
 /// # Errors
-/// What the system says, or `write`.
+/// If the system or `write` reports one.
 pub fn replace(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
@@ -101,16 +101,16 @@ pub fn replace(
         Ok(file)
     });
     if written.is_err() {
-        // Room for others; the first error is the one to report.
+        // Frees disk space; the first error is the one to report.
         let _ = fs::remove_file(&partial);
     }
     written
 }
 
-/// Does an open file still stand under its name?
+/// Whether an open file still exists under its name.
 ///
 /// # Errors
-/// What the system says of the open file.
+/// If the system reports one for the open file.
 pub fn is_there(path: &Path, file: &File) -> io::Result<bool> {
     let open = file.metadata()?;
     let same = |named: fs::Metadata| (named.dev(), named.ino()) == (open.dev(), open.ino());

@@ -1,10 +1,11 @@
-//! Names of things: small integers that cannot be mixed up.
+//! Identifiers: small integers of distinct types, which cannot be confused.
 
 use serde::{Deserialize, Serialize};
 
-/// A body's name for life. Particles count from 0; pieces of unions stand above all particles, in the order of their bodies, and
-/// facets of walls above these, in the order of the walls, then of the facets of a wall, so that a facet is always the second body of
-/// a pair.
+/// Id of a body for its life.
+///
+/// Particles count from 0. Pieces of unions have higher ids than all particles, in the order of their bodies. Facets of walls have higher ids
+/// than these, in the order of the walls, then of the facets of a wall. A facet is thus always the second body of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct GlobalId(pub u64);
 
@@ -12,29 +13,29 @@ impl GlobalId {
     const FIRST_WALL: u64 = 1 << 62;
     const FIRST_PIECE: u64 = 1 << 61;
     const PIECE_BITS: u32 = 10;
-    /// Particles of unions, whose pieces have names of their own, are fewer than this.
+    /// Upper bound of the ids of particles that are unions, whose pieces have ids of their own.
     pub const MOST_OF_PIECES: u64 = 1 << 51;
-    /// Bits of the number of a facet within its wall; the number of a wall in a file has as many.
+    /// Bits of the number of a facet within its wall. The number of a wall in a file has as many.
     const FACET_BITS: u32 = 30;
     const FACET: u64 = (1 << Self::FACET_BITS) - 1;
 
-    /// The id of the first facet of the wall with this index in the scene; most walls have no other.
+    /// Id of the first facet of the wall with this index in the scene; most walls have no other.
     pub const fn wall(index: usize) -> Self {
         Self::facet(index, 0)
     }
 
-    /// The id of a facet, by the index of its wall in the scene and its own index within the wall.
+    /// Id of a facet, by the index of its wall in the scene and its own index within the wall.
     pub const fn facet(wall: usize, facet: usize) -> Self {
         Self(Self::FIRST_WALL + ((wall as u64) << Self::FACET_BITS) + facet as u64)
     }
 
-    /// The id of a piece of this particle.
+    /// Id of a piece of this particle.
     #[must_use]
     pub const fn piece(self, piece: usize) -> Self {
         Self(Self::FIRST_PIECE + (self.0 << Self::PIECE_BITS) + piece as u64)
     }
 
-    /// The number of the piece, or `None` for a particle or a wall.
+    /// Number of the piece, or `None` for a particle or a wall.
     pub const fn piece_index(self) -> Option<usize> {
         if self.0 < Self::FIRST_PIECE || self.0 >= Self::FIRST_WALL {
             return None;
@@ -42,7 +43,7 @@ impl GlobalId {
         Some((self.0 & ((1 << Self::PIECE_BITS) - 1)) as usize)
     }
 
-    /// The id of the body that a piece belongs to; of others their own.
+    /// Id of the body to which a piece belongs; the same id for all others.
     #[must_use]
     pub const fn body(self) -> Self {
         match self.piece_index() {
@@ -51,7 +52,7 @@ impl GlobalId {
         }
     }
 
-    /// The index of the wall, or `None` for a particle.
+    /// Index of the wall, or `None` for a particle.
     pub const fn wall_index(self) -> Option<usize> {
         match self.wall_and_facet() {
             Some((wall, _)) => Some(wall),
@@ -59,7 +60,7 @@ impl GlobalId {
         }
     }
 
-    /// The index of the wall and that of the facet within it, or `None` for a particle.
+    /// Index of the wall and of the facet within it, or `None` for a particle.
     pub const fn wall_and_facet(self) -> Option<(usize, usize)> {
         if self.0 < Self::FIRST_WALL {
             return None;
@@ -68,8 +69,7 @@ impl GlobalId {
         Some(((number >> Self::FACET_BITS) as usize, (number & Self::FACET) as usize))
     }
 
-    /// As files have it: particles from 0 up, the first facet of wall `k` as `-(k + 1)`, its facet `f` as
-    /// `-(k + 1) - 2^30 f`.
+    /// Id in files: particles from 0 up, the first facet of wall `k` as `-(k + 1)`, its facet `f` as `-(k + 1) - 2^30 f`.
     pub const fn to_file(self) -> i64 {
         match self.wall_and_facet() {
             Some((wall, facet)) => -1 - (wall as i64) - ((facet as i64) << Self::FACET_BITS),
@@ -77,7 +77,7 @@ impl GlobalId {
         }
     }
 
-    /// The inverse of [`GlobalId::to_file`].
+    /// Id from a file, the inverse of [`GlobalId::to_file`].
     pub const fn from_file(id: i64) -> Self {
         if id >= 0 {
             return Self(id as u64);
@@ -100,17 +100,18 @@ impl std::fmt::Display for GlobalId {
     }
 }
 
-/// Where a body stands in the order of space, see [`crate::particles::order`].
+/// Place of a body in the order of space, see [`crate::particles::order`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Standing(pub u64);
 
 impl Standing {
-    /// Facets of walls have it, and particles that have none of their own yet.
+    /// Standing of facets of walls, and of particles that have none yet.
     pub const LAST: Self = Self(u64::MAX);
 }
 
-/// Where a body stands in this rank's columns. Dies at each rebuild of the neighbour list: never
-/// store one beyond it.
+/// Position of a body in this rank's columns.
+///
+/// It is valid until the next rebuild of the neighbour list, and must not be stored longer.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, bytemuck::Pod, bytemuck::Zeroable,
 )]
@@ -118,7 +119,7 @@ impl Standing {
 pub struct Slot(pub u32);
 
 impl Slot {
-    /// As an index into a column.
+    /// Index into a column.
     pub const fn index(self) -> usize {
         self.0 as usize
     }
@@ -129,7 +130,7 @@ impl Slot {
 pub struct Rank(pub u32);
 
 impl Rank {
-    /// As an index.
+    /// Index.
     pub const fn index(self) -> usize {
         self.0 as usize
     }
@@ -140,7 +141,7 @@ impl Rank {
 pub struct ShapeId(pub u16);
 
 impl ShapeId {
-    /// As an index into the library of shapes.
+    /// Index into the library of shapes.
     pub const fn index(self) -> usize {
         self.0 as usize
     }
@@ -151,7 +152,7 @@ impl ShapeId {
 pub struct MaterialId(pub u16);
 
 impl MaterialId {
-    /// As an index into the list of materials.
+    /// Index into the list of materials.
     pub const fn index(self) -> usize {
         self.0 as usize
     }

@@ -1,11 +1,10 @@
-//! Numbers in lanes: the same formula for one contact, or for eight at once.
+//! Numbers in lanes: one formula for one contact, or for eight at once.
 //!
-//! Every operation is `+ - * / √` on each lane by itself, correctly rounded, never fused: a pair gets
-//! the same bits whatever its neighbours, the number of lanes or the machine. Processors with AVX
-//! are found when the program runs, so one program serves all.
+//! Every operation is `+ - * / √` on each lane by itself, correctly rounded and never fused. A pair thus gets the same bits whatever its
+//! neighbours, the number of lanes or the machine. Processors with AVX are detected at run time, so one program serves all.
 //!
-//! Code in lanes is inlined always and has no closures. A closure that is used twice becomes a function without wide registers, and each of its operations
-//! a call. `nothing_in_wide_registers_is_called` in `tests/law/registers.rs` finds them.
+//! Code in lanes is always inlined and has no closures. A closure that is used twice becomes a function without wide registers, and each of
+//! its operations a call. `nothing_in_wide_registers_is_called` in `tests/law/registers.rs` detects such calls.
 
 #![expect(unsafe_code, reason = "vector registers, behind types that only AVX code makes")]
 #![expect(clippy::inline_always, reason = "a vector stays in registers only if nothing is called")]
@@ -14,7 +13,7 @@ use std::cell::Cell;
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Sub};
 
-/// One number or several that are computed alike.
+/// One number, or several that are computed alike.
 pub trait Lanes:
     Copy
     + Debug
@@ -25,20 +24,20 @@ pub trait Lanes:
     + Mul<Output = Self>
     + Div<Output = Self>
 {
-    /// The same number in every lane.
+    /// The given number in every lane.
     fn all(number: f64) -> Self;
 
-    /// The square root.
+    /// Square root of each lane.
     #[must_use]
     fn sqrt(self) -> Self;
 
-    /// Bit `k` is set where lane `k` is less than that of `other`; never where one is not a number.
+    /// Mask of the lanes that are less than those of `other`; unset where one is NaN.
     fn less(self, other: Self) -> u8;
 
-    /// The same, or equal.
+    /// Mask of the lanes that are less than or equal to those of `other`; unset where one is NaN.
     fn at_most(self, other: Self) -> u8;
 
-    /// Of each lane this number where its bit of `mask` is set, else that of `other`.
+    /// This number in lanes whose bit of `mask` is set, that of `other` elsewhere.
     #[must_use]
     fn or(self, other: Self, mask: u8) -> Self;
 }
@@ -70,16 +69,16 @@ impl Lanes for f64 {
     }
 }
 
-/// Work in eight lanes, to be done with the widest registers that this processor has.
+/// Work in eight lanes, executed with the widest registers of the processor.
 pub trait Kernel: Sized {
-    /// A type of the module that the code goes to: compilers share work by modules.
+    /// A type of the module for which the code is compiled: compilers divide work by modules.
     type Home;
 
-    /// Does it. To be inlined always, and everything below it that has lanes.
+    /// Executes the work. To be inlined always, like everything below it that has lanes.
     fn run<L: Eight>(self);
 }
 
-/// Does it.
+/// Executes a kernel with the widest registers allowed.
 pub fn dispatch<K: Kernel>(kernel: K) {
     match Registers::widest() {
         #[cfg(target_arch = "x86_64")]
@@ -92,10 +91,10 @@ pub fn dispatch<K: Kernel>(kernel: K) {
     }
 }
 
-/// Registers of processors, from narrow to wide.
+/// Vector registers of processors, from narrow to wide.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Registers {
-    /// Those that every processor has.
+    /// Registers that every processor has.
     Any,
     /// Four numbers.
     Avx,
@@ -108,7 +107,7 @@ thread_local! {
 }
 
 impl Registers {
-    /// The widest that this processor has.
+    /// Widest registers of this processor.
     pub fn of_processor() -> Self {
         #[cfg(target_arch = "x86_64")]
         {
@@ -125,7 +124,7 @@ impl Registers {
         Self::Any
     }
 
-    /// The widest that `DEM_MPI_REGISTERS` lets a program use, to see what it takes on other processors.
+    /// Widest registers that `DEM_MPI_REGISTERS` allows, for comparison with other processors.
     fn allowed() -> Self {
         match std::env::var("DEM_MPI_REGISTERS").as_deref() {
             Ok("any") => Self::Any,
@@ -135,12 +134,12 @@ impl Registers {
         }
     }
 
-    /// The widest that kernels of this thread use.
+    /// Widest registers that kernels of this thread use.
     pub fn widest() -> Self {
         WIDEST.get()
     }
 
-    /// Runs something with no wider ones.
+    /// Runs a function with these registers as the widest.
     pub fn at_most<T>(self, run: impl FnOnce() -> T) -> T {
         let before = WIDEST.replace(self.min(Self::of_processor()));
         let done = run();
@@ -149,7 +148,7 @@ impl Registers {
     }
 }
 
-/// Kernels are compiled where the type of `Self` stands, as methods of a trait are.
+/// Kernels are compiled in the module of the type `Self`, as methods of this trait.
 trait Home {
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx512f,avx512vl,avx512dq")]
@@ -170,12 +169,12 @@ trait Home {
 
 impl<T> Home for T {}
 
-/// Asks memory for what will be read soon.
+/// Prefetches memory that will be read soon.
 #[inline]
 pub fn prefetch<T>(soon: &[T]) {
     #[cfg(target_arch = "x86_64")]
     for line in (0..size_of_val(soon)).step_by(64) {
-        // SAFETY: the place is within what is there; and nothing is read.
+        // SAFETY: the address is within the slice, and nothing is read.
         unsafe {
             let place = soon.as_ptr().cast::<i8>().add(line);
             std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T1 }>(place);
@@ -183,22 +182,22 @@ pub fn prefetch<T>(soon: &[T]) {
     }
 }
 
-/// How many pairs go together.
+/// Number of pairs computed at once.
 pub const WIDTH: usize = 8;
 
-/// Four numbers on their way to memory.
+/// Four numbers before they are written to memory.
 pub trait Row: Copy + Debug {
-    /// Writes them.
+    /// Writes the numbers.
     fn write(self, to: &mut [f64; 4]);
 
-    /// Adds them.
+    /// Adds the numbers to a sum.
     fn add_to(self, sum: &mut [f64; 4]);
 
-    /// The first three with the other sign.
+    /// Copy with the opposite sign of the first three.
     #[must_use]
     fn opposite(self) -> Self;
 
-    /// As numbers.
+    /// The four numbers.
     #[inline(always)]
     fn numbers(self) -> [f64; 4] {
         let mut numbers = [0.0; 4];
@@ -206,7 +205,7 @@ pub trait Row: Copy + Debug {
         numbers
     }
 
-    /// The first three.
+    /// The first three numbers.
     #[inline(always)]
     fn first_three(self) -> [f64; 3] {
         let [x, y, z, _] = self.numbers();
@@ -236,34 +235,35 @@ impl Row for [f64; 4] {
 
 /// Eight lanes.
 pub trait Eight: Lanes {
-    /// One of the rows that [`Eight::rows_of_4`] makes: in a register, since memory written in halves and read whole is slow.
+    /// A row made by [`Eight::rows_of_4`]. It stays in a register, because reading whole what was written in halves is slow.
     type Row: Row;
 
-    /// From memory.
+    /// Loads numbers from memory.
     fn load(numbers: &[f64; WIDTH]) -> Self;
 
-    /// To memory.
+    /// The numbers of all lanes.
     fn store(self) -> [f64; WIDTH];
 
-    /// The columns of eight rows anywhere in memory: lane `k` of each comes from row `k`.
+    /// Columns of eight rows anywhere in memory: lane `k` of each comes from row `k`.
     fn columns_of_3(rows: &[&[f64; 3]; WIDTH]) -> [Self; 3];
 
-    /// The same of longer rows.
+    /// Columns of eight rows of four.
     fn columns_of_4(rows: &[&[f64; 4]; WIDTH]) -> [Self; 4];
 
-    /// The same of longer rows.
+    /// Columns of eight rows of six.
     fn columns_of_6(rows: &[&[f64; 6]; WIDTH]) -> [Self; 6];
 
-    /// The inverse of [`Eight::columns_of_4`].
+    /// Rows from columns, the inverse of [`Eight::columns_of_4`].
     fn rows_of_4(columns: [Self; 4]) -> [Self::Row; WIDTH];
 }
 
-/// Eight lanes without vector registers, or with those that every processor has. Lanes are written one by one, which
-/// takes less to compile than loops and closures.
+/// Eight lanes without vector registers, or with those that every processor has.
+///
+/// Lanes are written one by one, which compiles faster than loops and closures.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable([f64; WIDTH]);
 
-/// The same expression in a constant number of each lane.
+/// An expression for each lane, with its number as a constant.
 macro_rules! each_lane {
     (|$lane:ident| $number:expr) => {
         [
@@ -320,7 +320,7 @@ lanewise!(Sub, sub, -);
 lanewise!(Mul, mul, *);
 lanewise!(Div, div, /);
 
-/// Those bits of a mask whose lanes are set.
+/// Mask from one bit for each lane.
 #[inline(always)]
 fn mask([a, b, c, d, e, f, g, h]: [u8; WIDTH]) -> u8 {
     a | b << 1 | c << 2 | d << 3 | e << 4 | f << 5 | g << 6 | h << 7
@@ -402,8 +402,7 @@ mod avx512 {
 
     /// Eight lanes in one AVX-512 register.
     ///
-    /// Whoever makes one has checked that the processor has AVX-512: only functions that are compiled for
-    /// it do.
+    /// A value exists only on a processor with AVX-512: only functions that are compiled for it make one.
     #[derive(Clone, Copy, Debug)]
     pub(crate) struct Avx512(intel::__m512d);
 
@@ -418,7 +417,7 @@ mod avx512 {
             }
         }
 
-        /// The columns of eight rows of four: first those of two rows, then of four and four.
+        /// Columns of eight rows of four: first those of two rows, then of four and four.
         #[inline(always)]
         fn columns(rows: [intel::__m256d; WIDTH]) -> [Self; 4] {
             let [a, b, c, d, e, f, g, h] = rows;
@@ -437,7 +436,7 @@ mod avx512 {
             }
         }
 
-        /// The two rows that stand side by side.
+        /// The two rows side by side in the register.
         #[inline(always)]
         fn rows(self) -> [AvxRow; 2] {
             // SAFETY: the processor has AVX-512, see the type.
@@ -592,12 +591,11 @@ mod avx {
 
     /// Eight lanes in two AVX registers.
     ///
-    /// Whoever makes one has checked that the processor has AVX: only functions that are compiled for
-    /// it do.
+    /// A value exists only on a processor with AVX: only functions that are compiled for it make one.
     #[derive(Clone, Copy, Debug)]
     pub(crate) struct Avx(intel::__m256d, intel::__m256d);
 
-    /// All bits of a lane for each bit of a mask.
+    /// Lane masks of 64 bits for each mask of four bits.
     static CHOICES: [[u64; 4]; 16] = {
         let mut choices = [[0; 4]; 16];
         let mut mask = 0;
@@ -752,7 +750,7 @@ mod avx {
         }
     }
 
-    /// Four numbers in an AVX register; made like [`Avx`].
+    /// Four numbers in an AVX register; it exists under the same condition as [`Avx`].
     #[derive(Clone, Copy, Debug)]
     pub(crate) struct AvxRow(intel::__m256d);
 
@@ -789,8 +787,10 @@ mod avx {
         }
     }
 
-    /// Columns of four rows from the `first` on. Numbers go from memory to registers once and change places
-    /// there: put one by one into arrays, they would have to reach memory before they could be loaded again.
+    /// Columns of four rows from `first` on.
+    ///
+    /// Numbers go from memory to registers once and change places there. Written one by one into arrays, they would have to reach memory before
+    /// they could be loaded again.
     #[inline(always)]
     fn four_of_3(rows: &[&[f64; 3]; WIDTH], first: usize) -> [intel::__m256d; 3] {
         // SAFETY: the processor has AVX, see the type; rows hold three numbers.
@@ -827,7 +827,7 @@ mod avx {
         unsafe { intel::_mm256_loadu_pd(four.as_ptr()) }
     }
 
-    /// The same of longer rows: of their first four numbers.
+    /// Columns of the first four numbers of four rows from `first` on.
     #[inline(always)]
     fn four_of_4<const N: usize>(rows: &[&[f64; N]; WIDTH], first: usize) -> [intel::__m256d; 4] {
         const { assert!(N >= 4) };
@@ -848,7 +848,7 @@ mod avx {
         }
     }
 
-    /// The same of rows of six.
+    /// Columns of four rows of six from `first` on.
     #[inline(always)]
     fn four_of_6(rows: &[&[f64; 6]; WIDTH], first: usize) -> [intel::__m256d; 6] {
         let [xx, yy, zz, xy] = four_of_4(rows, first);
@@ -865,7 +865,7 @@ mod avx {
     }
 }
 
-/// Pairs of rows of columns of one length, checked once for all.
+/// Pairs of rows in columns of one length, checked once.
 #[derive(Clone, Copy)]
 pub struct RowPairs<'a> {
     rows: &'a [[u32; 2]],
@@ -873,7 +873,7 @@ pub struct RowPairs<'a> {
 }
 
 impl<'a> RowPairs<'a> {
-    /// Those pairs.
+    /// Pairs of these rows.
     ///
     /// # Panics
     /// If a row is beyond the length.
@@ -887,7 +887,7 @@ impl<'a> RowPairs<'a> {
         Self { rows, length }
     }
 
-    /// Eight of them from the `first` on; where less are left, the last one again, in the `room` for them.
+    /// Eight pairs from `first` on. If fewer are left, the last one is repeated, in the memory of `room`.
     #[inline(always)]
     pub fn eight(self, first: usize, room: &'a mut [[u32; 2]; WIDTH]) -> [Gather<'a>; 2] {
         let Self { rows, length } = self;
@@ -903,10 +903,10 @@ impl<'a> RowPairs<'a> {
         [Gather { rows, end: 0, length }, Gather { rows, end: 1, length }]
     }
 
-    /// Up to eight that stand anywhere, in the `room` for them; the other lanes repeat the first.
+    /// Up to eight pairs at these places, in the memory of `room`; the other lanes repeat the first.
     ///
     /// # Panics
-    /// If there are none, or one stands nowhere.
+    /// If there are no places, or one is out of range.
     #[inline(always)]
     pub fn picked(self, places: &[u32], room: &'a mut [[u32; 2]; WIDTH]) -> [Gather<'a>; 2] {
         let Self { rows: all, length } = self;
@@ -921,7 +921,7 @@ impl<'a> RowPairs<'a> {
     }
 }
 
-/// The first or the second rows of eight pairs, in columns of one length.
+/// First or second rows of eight pairs, in columns of one length.
 #[derive(Clone, Copy)]
 pub struct Gather<'a> {
     rows: &'a [[u32; 2]; WIDTH],
@@ -930,13 +930,13 @@ pub struct Gather<'a> {
 }
 
 impl Gather<'_> {
-    /// Where the row of a lane stands.
+    /// Index of the row of a lane.
     #[inline(always)]
     pub fn at(self, lane: usize) -> usize {
         self.rows[lane][self.end] as usize
     }
 
-    /// The rows of a column.
+    /// Rows of a column.
     ///
     /// # Panics
     /// If the column is shorter than the largest index.
@@ -958,10 +958,10 @@ impl Gather<'_> {
         }
     }
 
-    /// Adds rows to those of two ends of each lane, lane after lane.
+    /// Adds rows to those of both ends of each lane, lane after lane.
     ///
     /// # Panics
-    /// If the column is shorter than was said.
+    /// If the column is shorter than the checked length.
     #[inline(always)]
     pub fn add<R: Row>(ends: [Self; 2], rows: [&[R; WIDTH]; 2], column: &mut [[f64; 4]]) {
         assert!(column.len() >= ends[0].length.max(ends[1].length), "a column that is too short");
@@ -969,7 +969,7 @@ impl Gather<'_> {
         for lane in 0..WIDTH {
             // SAFETY: all rows are below the length, which the column has.
             of_first[lane].add_to(unsafe { column.get_unchecked_mut(first.at(lane)) });
-            // SAFETY: the same.
+            // SAFETY: as above, all rows are below the length.
             of_other[lane].add_to(unsafe { column.get_unchecked_mut(other.at(lane)) });
         }
     }
@@ -977,7 +977,7 @@ impl Gather<'_> {
     /// Adds a number to those of both ends of each lane, lane after lane.
     ///
     /// # Panics
-    /// If the column is shorter than was said.
+    /// If the column is shorter than the checked length.
     #[inline(always)]
     pub fn add_numbers(ends: [Self; 2], numbers: &[f64; WIDTH], column: &mut [f64]) {
         assert!(column.len() >= ends[0].length.max(ends[1].length), "a column that is too short");
@@ -985,13 +985,13 @@ impl Gather<'_> {
         for (lane, number) in numbers.iter().enumerate() {
             // SAFETY: all rows are below the length, which the column has.
             *unsafe { column.get_unchecked_mut(first.at(lane)) } += number;
-            // SAFETY: the same.
+            // SAFETY: as above, all rows are below the length.
             *unsafe { column.get_unchecked_mut(other.at(lane)) } += number;
         }
     }
 }
 
-/// A vector of three, or several that are computed alike.
+/// A vector of three components, or several that are computed alike.
 #[derive(Clone, Copy, Debug)]
 #[must_use]
 pub struct Triple<L> {
@@ -1004,38 +1004,38 @@ pub struct Triple<L> {
 }
 
 impl<L: Lanes> Triple<L> {
-    /// The vector without length.
+    /// Zero vector.
     #[inline(always)]
     pub fn zero() -> Self {
         let zero = L::all(0.0);
         Self { x: zero, y: zero, z: zero }
     }
 
-    /// The sum.
+    /// Sum.
     #[inline(always)]
     pub fn plus(self, other: Self) -> Self {
         Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
     }
 
-    /// The difference.
+    /// Difference.
     #[inline(always)]
     pub fn minus(self, other: Self) -> Self {
         Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
     }
 
-    /// Times a number.
+    /// Product with a number.
     #[inline(always)]
     pub fn times(self, factor: L) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
 
-    /// Times the inverse of a number: three divisions take longer.
+    /// Product with the inverse of a number, which is faster than three divisions.
     #[inline(always)]
     pub fn over(self, divisor: L) -> Self {
         self.times(L::all(1.0) / divisor)
     }
 
-    /// The vector product.
+    /// Vector product.
     #[inline(always)]
     pub fn cross(self, other: Self) -> Self {
         Self {
@@ -1045,7 +1045,7 @@ impl<L: Lanes> Triple<L> {
         }
     }
 
-    /// As [`Lanes::or`].
+    /// [`Lanes::or`] of each component.
     #[inline(always)]
     pub fn or(self, other: Self, mask: u8) -> Self {
         Self {
@@ -1055,20 +1055,20 @@ impl<L: Lanes> Triple<L> {
         }
     }
 
-    /// The vector of length one.
+    /// Vector of length one in this direction.
     #[inline(always)]
     pub fn unit(self) -> Self {
         self.times(L::all(1.0) / self.dot(self).sqrt())
     }
 
-    /// The scalar product.
+    /// Scalar product.
     #[inline(always)]
     pub fn dot(self, other: Self) -> L {
         (self.x * other.x + self.y * other.y) + self.z * other.z
     }
 }
 
-/// The vector of one lane of what [`Triple::store`] gives.
+/// Vector of one lane from the result of [`Triple::store`].
 #[inline(always)]
 pub fn row([x, y, z]: &[[f64; WIDTH]; 3], lane: usize) -> [f64; 3] {
     [x[lane], y[lane], z[lane]]
@@ -1086,27 +1086,27 @@ pub(crate) struct Symmetric<L> {
 }
 
 impl<L: Eight> Triple<L> {
-    /// From eight places in memory.
+    /// Loads eight vectors from memory.
     #[inline(always)]
     pub fn of(rows: &[&[f64; 3]; WIDTH]) -> Self {
         let [x, y, z] = L::columns_of_3(rows);
         Self { x, y, z }
     }
 
-    /// The first three numbers of each row.
+    /// Vectors from the first three numbers of each row.
     #[inline(always)]
     pub(crate) fn of_four(rows: &[&[f64; 4]; WIDTH]) -> Self {
         let [x, y, z, _] = L::columns_of_4(rows);
         Self { x, y, z }
     }
 
-    /// To memory.
+    /// The numbers of all lanes, by component.
     #[inline(always)]
     pub fn store(self) -> [[f64; WIDTH]; 3] {
         [self.x.store(), self.y.store(), self.z.store()]
     }
 
-    /// Each vector with a number behind it.
+    /// Rows of each vector with a number behind it.
     #[inline(always)]
     pub fn rows(self, number: L) -> [L::Row; WIDTH] {
         L::rows_of_4([self.x, self.y, self.z, number])
@@ -1114,7 +1114,7 @@ impl<L: Eight> Triple<L> {
 }
 
 impl<L: Eight> Symmetric<L> {
-    /// From eight places in memory: xx, yy, zz, xy, xz, yz.
+    /// Loads eight matrices from memory: xx, yy, zz, xy, xz, yz.
     #[inline(always)]
     pub(crate) fn of(rows: &[&[f64; 6]; WIDTH]) -> Self {
         let [xx, yy, zz, xy, xz, yz] = L::columns_of_6(rows);
@@ -1123,7 +1123,7 @@ impl<L: Eight> Symmetric<L> {
 }
 
 impl<L: Lanes> Symmetric<L> {
-    /// Every entry times a number.
+    /// Product with a number.
     #[inline(always)]
     pub(crate) fn scaled(&self, factor: L) -> Self {
         Self {
@@ -1136,7 +1136,7 @@ impl<L: Lanes> Symmetric<L> {
         }
     }
 
-    /// The matrix times a vector.
+    /// Product with a vector.
     #[inline(always)]
     pub(crate) fn times(&self, v: Triple<L>) -> Triple<L> {
         Triple {
@@ -1146,7 +1146,7 @@ impl<L: Lanes> Symmetric<L> {
         }
     }
 
-    /// The sum of two matrices.
+    /// Sum of two matrices.
     #[inline(always)]
     pub(crate) fn plus(&self, other: &Self) -> Self {
         Self {
@@ -1159,7 +1159,7 @@ impl<L: Lanes> Symmetric<L> {
         }
     }
 
-    /// The adjugate: the inverse but for the determinant.
+    /// Adjugate: the inverse times the determinant.
     #[inline(always)]
     pub(crate) fn adjugate(&self) -> Self {
         Self {

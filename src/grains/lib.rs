@@ -1,6 +1,6 @@
-//! Grains and how they touch: shapes, contacts, particles, their search and motion.
+//! Particles and their contacts: shapes, contact detection, search and motion.
 //!
-//! This library needs neither MPI nor HDF5. [`dem-mpi`] has its modules as its own, and says in which order they stand.
+//! This library needs neither MPI nor HDF5. [`dem-mpi`] re-exports its modules and describes their order.
 //!
 //! [`dem-mpi`]: ../dem_mpi/index.html
 

@@ -1,4 +1,4 @@
-//! Vectors, and a sum that does not depend on the order of its terms.
+//! Vectors, and sums that do not depend on the order of their terms.
 
 /// A vector of three.
 pub type Vec3 = nalgebra::Vector3<f64>;
@@ -7,27 +7,27 @@ pub type Mat3 = nalgebra::Matrix3<f64>;
 /// A rotation from a body's own axes to the world.
 pub type Quat = nalgebra::UnitQuaternion<f64>;
 
-/// An upper limit as messages print it, with three digits: rounded down, so that the printed number is allowed.
+/// An upper limit in messages, with three digits: rounded down, so that the printed number is allowed.
 pub const fn printed_limit(limit: f64) -> f64 {
     0.995 * limit
 }
 
-/// The larger of two numbers; the first where the second is not a number.
+/// The larger of two numbers; the first if the second is NaN.
 pub fn larger_number(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
-/// The larger of two numbers; infinite where the second is not a number.
+/// The larger of two numbers; infinite if the second is NaN.
 pub fn larger_or_infinite(a: f64, b: f64) -> f64 {
     if b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
 
-/// The lowest and the highest corner of the box about points, of which there is one at least.
+/// Lowest and highest corner of the box around points, of which there is at least one.
 pub fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
     points.iter().fold((points[0], points[0]), |(low, high), p| (low.inf(p), high.sup(p)))
 }
 
-/// The rotation about a unit vector by an angle [rad]: the same bits on every machine, as the sine of the platform is not.
+/// Rotation about a unit vector by an angle [rad], with the same bits on every machine, unlike the sine of the platform.
 pub fn rotation_about(axis: &Vec3, angle: f64) -> Quat {
     let (sine, cosine) = libm::sincos(0.5 * angle);
     Quat::new_unchecked(nalgebra::Quaternion::from_parts(cosine, axis * sine))
@@ -44,13 +44,13 @@ pub fn directions() -> impl Iterator<Item = Vec3> {
     })
 }
 
-/// A vector of three and a number, in one line of the cache: four numbers are added at once.
+/// A vector of three and a number, in one cache line: four numbers are added at once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(32))]
 pub struct Vec3AndNumber {
-    /// The vector.
+    /// Vector.
     pub vector: Vec3,
-    /// What stands behind it.
+    /// Number after the vector.
     pub number: f64,
 }
 
@@ -60,14 +60,13 @@ impl From<Vec3> for Vec3AndNumber {
     }
 }
 
-/// The exact sum of any number of finite `f64`: a fixed-point number wide enough for all of them.
+/// Exact sum of any number of finite `f64`: a fixed-point number wide enough for all of them.
 ///
-/// Terms may be added in any order, on any rank, and partial sums merged by adding their limbs: the
-/// rounded [`ExactSum::value`] is always the same. (A superaccumulator: Kulisch 2013,
-/// DOI 10.1515/9783110301793, with 32-bit digits in 64-bit limbs. The kept crates found for this
-/// have no partial sums that MPI can add.)
+/// Terms may be added in any order and on any rank, and partial sums merged by addition of their limbs. The rounded [`ExactSum::value`] is
+/// always the same. (A superaccumulator: Kulisch 2013, DOI 10.1515/9783110301793, with 32-bit digits in 64-bit limbs. Maintained crates for
+/// this have no partial sums that MPI can add.)
 ///
-/// Holds up to 2³⁰ terms between merges.
+/// It holds up to 2³⁰ terms between merges.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExactSum {
     /// Digit `k` counts units of 2^(32 k - 1074).
@@ -81,13 +80,13 @@ impl Default for ExactSum {
 }
 
 impl ExactSum {
-    /// How many 64-bit limbs a sum has.
+    /// Number of 64-bit limbs of a sum.
     pub const LIMBS: usize = 67;
 
     /// Adds a term.
     ///
     /// # Panics
-    /// If `term` is not finite: a caller's bug, states are checked before they are summed.
+    /// If `term` is not finite. States are checked before they are summed.
     pub fn add(&mut self, term: f64) {
         assert!(term.is_finite(), "a sum was given {term}");
         let bits = term.to_bits();
@@ -105,12 +104,12 @@ impl ExactSum {
         }
     }
 
-    /// The limbs, which add up across ranks like any integers.
+    /// Limbs, which are added across ranks as integers.
     pub const fn limbs(&self) -> &[i64; Self::LIMBS] {
         &self.limbs
     }
 
-    /// The sum with these limbs.
+    /// Sum with these limbs.
     ///
     /// # Panics
     /// If there are not [`ExactSum::LIMBS`] of them.
@@ -118,16 +117,15 @@ impl ExactSum {
         Self { limbs: limbs.try_into().expect("an exact sum has a fixed number of limbs") }
     }
 
-    /// The values of sums whose limbs stand one after the other.
+    /// Values of consecutive sums, given by their limbs.
     ///
     /// # Panics
-    /// If the last is not whole.
+    /// If the last one is incomplete.
     pub fn values(limbs: &[i64]) -> Vec<f64> {
         limbs.chunks(Self::LIMBS).map(|limbs| Self::from_limbs(limbs).value()).collect()
     }
 
-    /// Carries, so that every digit but the highest lies in 0..2³²: makes room for more terms, and gives equal sums equal
-    /// limbs.
+    /// Carries, so that every digit but the highest is in 0..2³². This makes room for more terms, and gives equal sums equal limbs.
     pub fn carry(&mut self) {
         let digits = &mut self.limbs;
         for k in 0..Self::LIMBS - 1 {
@@ -154,7 +152,7 @@ impl ExactSum {
             }
         }
         let Some(top) = digits.iter().rposition(|&d| d != 0) else { return 0.0 };
-        // The leading 128 bits hold every bit that rounding needs but one: whether anything lies below.
+        // The leading 128 bits contain every bit for the rounding except one: whether any bit below is set.
         let mut wide: u128 = 0;
         let mut lowest = 0;
         for k in (0..=top).rev() {
@@ -174,20 +172,21 @@ impl ExactSum {
     }
 }
 
-/// The sum of `f64` that are rounded to 2⁻¹⁴⁰ (7e-43): the same in any order and on any rank, like an [`ExactSum`], in 24 bytes. For
-/// sums that are many. Sums, and terms, must be below 2⁵¹ (2.2e15): terms beyond are left out.
+/// Sum of `f64` rounded to 2⁻¹⁴⁰ (7e-43), in 24 bytes, for large numbers of sums.
+///
+/// It is the same in any order and on any rank, like an [`ExactSum`]. Sums and terms must be below 2⁵¹ (2.2e15); larger terms are left out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RoundedSum {
-    /// Of units of 2⁻¹⁴⁰, the lowest first; the highest has the sign, as in the complement of two.
+    /// Words of the sum in units of 2⁻¹⁴⁰, the lowest first, in two's complement.
     words: [u64; RoundedSum::WORDS],
 }
 
 impl RoundedSum {
-    /// How many words a sum has.
+    /// Number of words of a sum.
     pub const WORDS: usize = 3;
-    /// How many digits of 32 bits they are.
+    /// Number of 32-bit digits of a sum.
     pub const LIMBS: usize = 2 * Self::WORDS;
-    /// The unit is 2 to the power of minus this.
+    /// The unit is 2 to the power of minus this number.
     const DIGITS: i32 = 140;
 
     /// Adds a term.
@@ -199,7 +198,7 @@ impl RoundedSum {
             // Halves are rounded up.
             down @ -53..0 => ((mantissa + (1 << (-down - 1))) >> -down, 0),
             up @ 0..=138 => (mantissa, up),
-            // Less than half of the unit, too much, or no number.
+            // Less than half of the unit, too large, or not a number.
             _ => return,
         };
         let wide = u128::from(mantissa) << (shift % 64);
@@ -212,7 +211,7 @@ impl RoundedSum {
         *self += Self { words: if term < 0.0 { negative(size) } else { size } };
     }
 
-    /// Its digits of 32 bits, the lowest first, the last with the sign. They add up across ranks like any integers.
+    /// 32-bit digits, the lowest first, the last with the sign. They are added across ranks as integers.
     pub fn limbs(&self) -> [i64; Self::LIMBS] {
         let mut limbs = [0; Self::LIMBS];
         for (digits, word) in limbs.as_chunks_mut().0.iter_mut().zip(self.words) {
@@ -222,7 +221,7 @@ impl RoundedSum {
         limbs
     }
 
-    /// The sum with these limbs.
+    /// Sum with these limbs.
     pub fn from_limbs(limbs: &[i64; Self::LIMBS]) -> Self {
         let (mut words, mut carry) = ([0; Self::WORDS], 0_i64);
         for (word, digits) in words.iter_mut().zip(limbs.as_chunks().0) {
@@ -237,17 +236,17 @@ impl RoundedSum {
         Self { words }
     }
 
-    /// Its words, for a file.
+    /// Words of the sum, for a file.
     pub fn words(&self) -> [i64; Self::WORDS] {
         self.words.map(u64::cast_signed)
     }
 
-    /// The sum with these words.
+    /// Sum with these words.
     pub fn from_words(words: &[i64; Self::WORDS]) -> Self {
         Self { words: words.map(i64::cast_unsigned) }
     }
 
-    /// The sum, to sixteen digits.
+    /// Value of the sum, to sixteen digits.
     pub fn value(&self) -> f64 {
         let is_negative = (self.words[Self::WORDS - 1] as i64) < 0;
         let size = if is_negative { negative(self.words) } else { self.words };
@@ -268,7 +267,7 @@ impl std::ops::AddAssign for RoundedSum {
     }
 }
 
-/// In the complement of two.
+/// Negative in two's complement.
 fn negative<const N: usize>(words: [u64; N]) -> [u64; N] {
     let mut carries = true;
     words.map(|word| {
@@ -278,10 +277,10 @@ fn negative<const N: usize>(words: [u64; N]) -> [u64; N] {
     })
 }
 
-/// `wide · 2^exponent` (plus a little more if `sticky`) as the nearest `f64`, ties to even.
+/// Nearest `f64` to `wide · 2^exponent` (plus a little more if `sticky`), ties to even.
 fn round_to_f64(wide: u128, sticky: bool, exponent: i32) -> f64 {
     let bits = 128 - wide.leading_zeros() as i32;
-    // Bits to drop: down to 53, or to the last place of the subnormal numbers.
+    // Number of bits to drop: down to 53, or to the last place of the subnormal numbers.
     let drop = (bits - 53).max(-1074 - exponent);
     let (mantissa, exponent) = if drop <= 0 {
         (wide, exponent)
@@ -292,7 +291,7 @@ fn round_to_f64(wide: u128, sticky: bool, exponent: i32) -> f64 {
         let up = rest > half || (rest == half && (sticky || kept & 1 == 1));
         (kept + u128::from(up), exponent + drop)
     };
-    // Two exact powers of two: one alone may leave the range of normal numbers.
+    // Two exact powers of two, because one alone may leave the range of normal numbers.
     let first = exponent / 2;
     mantissa as f64 * 2f64.powi(first) * 2f64.powi(exponent - first)
 }
@@ -340,7 +339,7 @@ mod tests {
         assert_eq!(forward.to_bits(), ExactSum::from_limbs(&limbs).value().to_bits());
     }
 
-    /// In any order, in parts, and whatever their signs.
+    /// In any order, in parts, and for any signs.
     #[test]
     fn rounded_sums_do_not_depend_on_order() {
         let terms: Vec<f64> =
@@ -354,7 +353,7 @@ mod tests {
         assert_eq!(all, rounded(&mut terms.iter().rev()));
         let off = all.value() - sum(&terms);
         assert!(off.abs() < 1e-15 * all.value().abs(), "{off}");
-        // As ranks add them.
+        // Summation by limbs, as across ranks.
         let parts = [0, 1, 2].map(|k| rounded(&mut terms.iter().skip(k).step_by(3)).limbs());
         let limbs = std::array::from_fn(|k| parts.iter().map(|part| part[k]).sum());
         assert_eq!(RoundedSum::from_limbs(&limbs), all);
@@ -365,7 +364,7 @@ mod tests {
         assert_eq!(added, all);
     }
 
-    /// From half of the unit to the limit; what is no number does nothing.
+    /// From half of the unit to the limit; NaN and infinite terms have no effect.
     #[test]
     fn rounded_sums_hold_large_and_small_terms() {
         let of = |terms: &[f64]| {

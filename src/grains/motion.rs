@@ -1,27 +1,26 @@
-//! Integration: the central differences of the paper, with its global damping, as kick, drift, kick.
+//! Time integration: the central differences of the paper, with its global damping, as kick, drift, kick.
 //!
-//! After every step, velocities and angular momenta are those of the time of the positions and orientations. A step of
-//! `dt = 2h` under forces `F` and damping `ξ` (a force `-ξ m v` and a moment `-ξ I ω`; Lim and Andrade 2014,
-//! DOI 10.1002/nag.2203) is
+//! After every step, velocities and angular momenta are those at the time of the positions and orientations. For forces `F` and damping `ξ`
+//! (a force `-ξ m v` and a moment `-ξ I ω`; Lim and Andrade 2014, DOI 10.1002/nag.2203), a step of `dt = 2h` is
 //!
-//! `v⁺ = (1 - ξ h) v + h F/m`, `x' = x + dt v⁺`, forces `F'` at `x'` with `v⁺`, `v' = (v⁺ + h F'/m) / (1 + ξ h)`,
+//! `v⁺ = (1 - ξ h) v + h F/m`, `x' = x + dt v⁺`, forces `F'` at `x'` with `v⁺`, `v' = (v⁺ + h F'/m) / (1 + ξ h)`.
 //!
-//! which is the paper's `v⁺ = ((1 - ξ h) v⁻ + dt F/m) / (1 + ξ h)` for the velocities in the middle of the steps (velocity
-//! Verlet: Swope et al. 1982, DOI 10.1063/1.442716). The angular momentum `L` is kicked by the moment in the same way: in
-//! world axes the damping moment is `-ξ L`, so free bodies keep `L` to the last bit.
+//! This equals the paper's `v⁺ = ((1 - ξ h) v⁻ + dt F/m) / (1 + ξ h)` for the velocities in the middle of the steps (velocity Verlet: Swope et
+//! al. 1982, DOI 10.1063/1.442716). The angular momentum `L` is kicked by the moment in the same way. In world axes the damping moment is
+//! `-ξ L`, so free bodies keep `L` to the last bit.
 //!
-//! A free turn follows the implicit midpoint rule in the body's axes: its angular velocity `ω` there solves
-//! `I ω + h ω × I ω = Rᵀ L`, and the orientation turns by the quaternion `(1, h ω)`, normalised (Cayley's form: no sine,
-//! the same bits on every machine). `ω` is found to rounding, so a free turn keeps the kinetic energy to rounding, for
-//! needles and discs, too (Austin, Krishnaprasad and Wang 1993, DOI 10.1006/jcph.1993.1128). All is of second order in `dt`.
-//! Laws see this `ω`, as they see `v⁺`: work is force times the way that bodies have gone.
+//! A free rotation follows the implicit midpoint rule in the body's axes. Its angular velocity `ω` there solves `I ω + h ω × I ω = Rᵀ L`, and
+//! the orientation rotates by the quaternion `(1, h ω)`, normalised (Cayley's form, which needs no sine and gives the same bits on every
+//! machine). `ω` is found to rounding, so a free rotation keeps the kinetic energy to rounding, also for needles and discs (Austin,
+//! Krishnaprasad and Wang 1993, DOI 10.1006/jcph.1993.1128). The scheme is of second order in `dt`. Laws use this `ω` and `v⁺`, so that work is
+//! force times the displacement of the bodies.
 //!
-//! Contacts begin and end between steps. An elastic collision of two spheres thereby changes their relative kinetic energy
-//! by a part that depends on where in a step it begins. Its mean is nearly zero; the largest is
+//! Contacts begin and end between steps. An elastic collision of two spheres thereby changes their relative kinetic energy by a part that
+//! depends on the beginning of the contact within a step. Its mean is nearly zero. The largest value is
 //!
 //! | step over the stable limit | 5 % | 10 % | 20 % | 40 % | 80 % |
 //! |---|---|---|---|---|---|
-//! | of one collision | 1.3e-4 | 3.7e-4 | 8.0e-4 | 8.0e-3 | 2.6e-2 |
+//! | change in one collision | 1.3e-4 | 3.7e-4 | 8.0e-4 | 8.0e-3 | 2.6e-2 |
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -36,7 +35,7 @@ use crate::population::of_inertia;
 use crate::shape::Kind;
 use nalgebra::Quaternion;
 
-/// What acts on every particle.
+/// Gravity and damping, which act on every particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Field {
     /// Gravity [m/s²].
@@ -46,55 +45,56 @@ pub struct Field {
 }
 
 impl Field {
-    /// Force on a particle but for global damping: its contacts and gravity [N].
+    /// Force on a particle without global damping: its contacts and gravity [N].
     #[inline]
     pub fn force(&self, particles: &Particles, slot: usize) -> Vec3 {
         self.beside(&particles.force[slot], particles.mass(slot))
     }
 
-    /// The same from the force of its contacts [N] and its mass [kg].
+    /// Force without global damping, from that of the contacts [N] and the mass [kg].
     #[inline(always)]
     fn beside(&self, of_contacts: &Vec3AndNumber, mass: f64) -> Vec3 {
         of_contacts.vector + self.gravity * mass
     }
 
-    /// The velocity that the second kick of a step of `dt` [s] turns into `velocity` where nothing touches [m/s]: that of
-    /// a particle that appears within a step.
+    /// Velocity that the second kick of a step of `dt` [s] turns into `velocity` without contacts [m/s].
+    ///
+    /// It is that of a particle inserted within a step.
     pub fn before_last_kick(&self, velocity: &Vec3, dt: f64) -> Vec3 {
         velocity * (1.0 + 0.5 * self.damping * dt) - self.gravity * (0.5 * dt)
     }
 
-    /// The velocity of a particle after the first kick of a step of `dt` [s], from that before it [m/s].
+    /// Velocity of a particle after the first kick of a step of `dt` [s], from that before it [m/s].
     pub fn after_first_kick(&self, particles: &Particles, slot: usize, dt: f64) -> Vec3 {
         let (force, mass) = (self.force(particles, slot), particles.mass(slot));
         Kick::first(self, dt).after(&particles.velocity[slot], &force, mass)
     }
 
-    /// The velocity into which the second kick of a step of `dt` [s] turns `velocity` where nothing touches [m/s].
+    /// Velocity into which the second kick of a step of `dt` [s] turns `velocity` without contacts [m/s].
     pub fn after_last_kick(&self, velocity: &Vec3, dt: f64) -> Vec3 {
         (velocity + self.gravity * (0.5 * dt)) / (1.0 + 0.5 * self.damping * dt)
     }
 }
 
-/// The largest motions of owned particles in a step.
+/// Largest displacements of owned particles in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Farthest {
-    /// Distance of a centre [m], and the slot.
+    /// Displacement of a centre [m], and the slot.
     pub moved: (f64, usize),
-    /// Angle [rad], and the slot. Spheres are left out: nobody sees how they are turned.
+    /// Angle of rotation [rad], and the slot. Spheres are left out, because their orientation has no effect.
     pub turned: (f64, usize),
 }
 
-/// Half of a step's change of velocities: `v⁺ = (slower v + half F/m) faster`.
+/// Change of velocities in half of a step: `v⁺ = (slower v + half F/m) faster`.
 #[derive(Clone, Copy)]
 struct Kick {
-    /// Half the step [s].
+    /// Half of the step [s].
     half: f64,
     /// Global damping [1/s].
     damping: f64,
     slower: f64,
     faster: f64,
-    /// Does it begin at the time of the positions, or end there?
+    /// Whether it begins at the time of the positions; otherwise it ends there.
     is_first: bool,
 }
 
@@ -109,20 +109,21 @@ impl Kick {
         Self { half, damping, slower: 1.0, faster: 1.0 / (1.0 + half * damping), is_first: false }
     }
 
-    /// The velocity after it, from that before and the acceleration but for damping.
+    /// Velocity after the kick, from the velocity before it, the force without damping, and the mass.
     #[inline]
     fn after(&self, before: &Vec3, force: &Vec3, mass: f64) -> Vec3 {
         (before * self.slower + force * (self.half / mass)) * self.faster
     }
 
-    /// What damping takes per mass, or the same of an angular momentum and its velocities: the damping force belongs to
-    /// the velocity at the time of the positions, its work to the mean of before and after.
+    /// Energy per mass taken by damping; also for an angular momentum and its angular velocities.
+    ///
+    /// The damping force belongs to the velocity at the time of the positions, its work to the mean of before and after.
     #[inline]
     fn lost(&self, at_positions: &Vec3, before: &Vec3, after: &Vec3) -> f64 {
         self.half * self.damping * at_positions.dot(&((before + after) * 0.5))
     }
 
-    /// Kicks the angular velocities of spheres, of which nobody sees how they are turned.
+    /// Kicks the angular velocities of spheres, which have no orientation.
     fn spheres<const SIZED: bool>(self, particles: &mut Particles) {
         let Particles { spin: Some(spin), library, shape, scale, accumulated, owned, .. } =
             particles
@@ -145,7 +146,7 @@ impl Kick {
     }
 }
 
-/// The scale of a body; 1 if the scene has no column of them. Chosen once per loop: what is left out costs nothing.
+/// Scale of a body; 1 if the scene has no such column. Chosen once per loop, so a missing column costs nothing.
 #[inline(always)]
 fn scale_in<const SIZED: bool>(column: &[f64], slot: usize) -> f64 {
     if SIZED { column[slot] } else { 1.0 }
@@ -183,7 +184,7 @@ fn kick_and_drift_of<const SIZED: bool>(
         owned,
         ..
     } = &mut *particles;
-    // Slices of one length: no place in them is checked.
+    // Slices of one length need no bounds checks.
     let owned = *owned;
     let (shape, force, velocity) = (&shape[..owned], &force[..owned], &mut velocity[..owned]);
     let (position, travel) = (&mut position[..owned], &mut travel[..owned]);
@@ -217,7 +218,7 @@ fn kick_and_drift_of<const SIZED: bool>(
     farthest
 }
 
-/// The second kick of a step of `dt` [s], by the forces that belong to the new positions.
+/// Second kick of a step of `dt` [s], by the forces at the new positions.
 pub fn kick(particles: &mut Particles, field: &Field, dt: f64) {
     if particles.needs.scale {
         kick_of::<true>(particles, field, dt);
@@ -248,7 +249,7 @@ fn kick_of<const SIZED: bool>(particles: &mut Particles, field: &Field, dt: f64)
     }
 }
 
-/// The second kick of angular momenta. Angular velocities stay those of the turn: the next step finds them again.
+/// Second kick of angular momenta. Angular velocities stay those of the rotation, as the next step computes them again.
 fn kick_momenta(particles: &mut Particles, kick: Kick) {
     for slot in 0..particles.owned {
         let Some(spin) = &mut particles.spin else { return };
@@ -263,8 +264,9 @@ fn kick_momenta(particles: &mut Particles, kick: Kick) {
     }
 }
 
-/// What the energy that central differences conserve has beyond that of the positions and velocities [J]: for a spring
-/// `-(ω dt)²/4` of its elastic energy, by which the energy of an oscillation swings within a period without a loss.
+/// Part of the energy conserved by central differences that is not energy of the positions and velocities [J].
+///
+/// For a spring it is `-(ω dt)²/4` of its elastic energy, by which the energy of an oscillation varies within a period without a loss.
 pub fn step_energy(particles: &Particles, slot: usize, field: &Field, dt: f64) -> f64 {
     if particles.is_held(slot) {
         return 0.0;
@@ -281,14 +283,17 @@ pub fn step_energy(particles: &Particles, slot: usize, field: &Field, dt: f64) -
     -0.125 * dt * dt * energy
 }
 
-/// What the last kick of a step of `dt` [s] gives to a particle that touches nothing, damping left out, with [`step_energy`] after it [J].
+/// Energy that the last kick of a step of `dt` [s] gives to a particle without contacts, without damping [J].
+///
+/// It includes [`step_energy`] after the kick.
 pub fn last_work(particles: &Particles, slot: usize, field: &Field, dt: f64) -> f64 {
     let weight = field.gravity * particles.mass(slot);
     0.5 * dt * weight.dot(&particles.velocity[slot])
 }
 
-/// Brings particles that have left through a periodic face back in through the other. In every
-/// step, so that a position never depends on when the pairs were listed.
+/// Moves particles that have left through a periodic face back in through the opposite one.
+///
+/// This is done in every step, so that a position never depends on when the pairs were listed.
 pub fn wrap(particles: &mut Particles) {
     if !particles.needs.image {
         return;
@@ -318,8 +323,9 @@ pub fn wrap(particles: &mut Particles) {
     }
 }
 
-/// Brings back along periodic axes what is farther out than a step of a sound run can carry it: the state of a domain
-/// that begins elsewhere, or of a run that has become unstable. Each particle is then where its owner's subdomain is.
+/// Moves particles back along periodic axes that are farther outside than a step of a valid run can carry them.
+///
+/// This occurs for a domain that begins elsewhere, or in an unstable run. Each particle is then in the subdomain of its owner.
 pub fn bring_back(particles: &mut Particles) {
     if !particles.needs.image {
         return;
@@ -332,7 +338,8 @@ pub fn bring_back(particles: &mut Particles) {
     }
 }
 
-/// A particle that goes over to an image that slides has another kinetic energy there: it is given by what shears the cell.
+/// Counts the change of kinetic energy of a particle that passes to a sliding image, which is due to the shear of the cell.
+///
 /// `before` is its velocity on the other side [m/s].
 fn count_change_of_frame(particles: &mut Particles, slot: usize, before: &Vec3) {
     let after = particles.velocity[slot];
@@ -342,13 +349,14 @@ fn count_change_of_frame(particles: &mut Particles, slot: usize, before: &Vec3) 
     }
 }
 
-/// Kicks the angular momenta for half a step, and turns the orientations for a whole one, of eight particles at once.
+/// Kick of angular momenta for half a step, and rotation for a whole one, for eight particles at once.
+///
 /// `SIZED` if particles have scales.
 struct Turn<'a, const SIZED: bool> {
     particles: &'a mut Particles,
     kick: Kick,
     dt: f64,
-    /// The largest angle [rad], and whose.
+    /// Largest angle [rad], and its slot.
     turned: &'a mut (f64, usize),
 }
 
@@ -364,7 +372,7 @@ impl<const SIZED: bool> Kernel for Turn<'_, SIZED> {
 }
 
 impl<const SIZED: bool> Turn<'_, SIZED> {
-    /// Up to eight; the other lanes repeat the last.
+    /// Processes up to eight particles; the other lanes repeat the last.
     #[inline(always)]
     fn eight<L: Eight>(&mut self, first: usize) {
         let Self { particles, kick, dt, turned } = self;
@@ -413,7 +421,7 @@ impl<const SIZED: bool> Turn<'_, SIZED> {
         let velocity = midpoint_velocity(in_body, inertia, half);
         let end = start.turned(velocity.times(half));
         let in_world = end.to_world(velocity).store();
-        // Cayley's turn is smaller than the angle ω dt.
+        // The rotation of Cayley's form is smaller than the angle ω dt.
         let angle = (velocity.dot(velocity).sqrt() * L::all(dt)).store();
 
         let momentum_now = momentum.store();
@@ -426,7 +434,7 @@ impl<const SIZED: bool> Turn<'_, SIZED> {
             let quaternion = Quat::new_unchecked(Quaternion::new(w, i, j, k));
             let scale = scale_in::<SIZED>(scale, slot);
             orientation.set(slot, quaternion, &library.shapes[shape.index()], scale);
-            // Nobody sees how a sphere is turned.
+            // The orientation of a sphere has no effect.
             if library.shapes[shape.index()].kind() != Kind::Sphere {
                 travel[slot] += library.radius[shape.index()] * scale * angle[lane];
                 if angle[lane] > turned.0 {
@@ -450,13 +458,14 @@ fn coupling<L: Lanes>(by: Triple<L>, w: Triple<L>) -> Triple<L> {
     Triple { x: by.x * w.y * w.z, y: by.y * w.z * w.x, z: by.z * w.x * w.y }
 }
 
-/// Newton steps at most; free turns of a stable run need one or two.
+/// Largest number of Newton steps; free rotations of a stable run need one or two.
 const MOST_SWEEPS: usize = 20;
-/// A correction of this part of the angular velocity, squared, leaves the next one below rounding.
+/// Square of a correction, over that of the angular velocity, after which the next one is below rounding.
 const LAST_CORRECTION: f64 = 1e-16;
 
-/// The angular velocity `ω` of the midpoint rule in the body's axes [rad/s]: `I ω + h ω × I ω = L`, by Newton's method from
-/// Euler's equations. Each lane stops by itself, so it has the same bits in any company.
+/// Angular velocity `ω` of the midpoint rule in the body's axes [rad/s]: `I ω + h ω × I ω = L`, by Newton's method.
+///
+/// The start is from Euler's equations. Each lane stops by itself, so it has the same bits in any company.
 #[inline(always)]
 fn midpoint_velocity<L: Lanes>(momentum: Triple<L>, inertia: Triple<L>, half: L) -> Triple<L> {
     let Triple { x: ix, y: iy, z: iz } = inertia;
@@ -499,14 +508,14 @@ struct Rotation<L> {
 }
 
 impl<L: Eight> Rotation<L> {
-    /// From eight places in memory: i, j, k, w.
+    /// Loads eight orientations from memory: i, j, k, w.
     #[inline(always)]
     fn of(rows: &[&[f64; 4]; WIDTH]) -> Self {
         let [i, j, k, w] = L::columns_of_4(rows);
         Self { i, j, k, w }
     }
 
-    /// To memory.
+    /// The numbers of all lanes, by component.
     #[inline(always)]
     fn store(self) -> [[f64; WIDTH]; 4] {
         [self.i.store(), self.j.store(), self.k.store(), self.w.store()]
@@ -514,7 +523,7 @@ impl<L: Eight> Rotation<L> {
 }
 
 impl<L: Lanes> Rotation<L> {
-    /// The orientation after a turn by the quaternion `(1, x, y, z)` of the body's axes, normalised.
+    /// Orientation after a rotation by the quaternion `(1, x, y, z)` in the body's axes, normalised.
     #[inline(always)]
     fn turned(self, by: Triple<L>) -> Self {
         let Triple { x, y, z } = by;
@@ -526,7 +535,7 @@ impl<L: Lanes> Rotation<L> {
         Self { i: new_i / length, j: new_j / length, k: new_k / length, w: new_w / length }
     }
 
-    /// The body's own axes in the world.
+    /// Body's own axes in the world.
     #[inline(always)]
     fn axes(self) -> [Triple<L>; 3] {
         let Self { i, j, k, w } = self;
@@ -573,7 +582,7 @@ mod tests {
     use crate::particles::columns::Quantity;
     use crate::particles::crowd::crowd;
 
-    /// Turns all of them, with the kernel run in one way or another.
+    /// Rotates all particles, with the kernel run by `run`.
     fn turn<const SIZED: bool>(particles: &mut Particles, run: impl Fn(Turn<SIZED>)) {
         let turned = &mut (0.0, 0);
         let field = Field { gravity: Vec3::zeros(), damping: 3.0 };
@@ -591,7 +600,7 @@ mod tests {
         numbers.map(|x| x.to_bits()).collect()
     }
 
-    /// With and without vector registers, in any company, and as `angular_velocity_for` has it.
+    /// Same bits with and without vector registers, in any company, and as by `angular_velocity_for`.
     #[test]
     fn lanes_give_the_same_bits_everywhere() {
         same_bits::<false>();

@@ -1,16 +1,16 @@
-//! Random numbers that belong to a thing, not to a rank or a moment.
+//! Random numbers that belong to an id, not to a rank or a moment.
 //!
-//! A counter-based generator (ChaCha with 8 rounds) is set to the stream of an id: whoever asks for
-//! the random numbers of particle 17 gets the same ones, on any rank and in any order. Only `+ - * /`
-//! and square roots follow, so the bits are the same on every machine.
+//! A counter-based generator (ChaCha with 8 rounds) is set to the stream of an id. The random numbers of particle 17 are thus the same on any
+//! rank and in any order. Only `+ - * /` and square roots follow, so the bits are the same on every machine.
 
 use crate::math::Quat;
 use nalgebra::Quaternion;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
 
-/// A number that looks random, of several: the same on any rank, in a few nanoseconds. Each is added to the state of SplitMix64
-/// (Steele, Lea and Flood 2014, DOI 10.1145/2660193.2660195) and mixed as there.
+/// Hash of several numbers, for random numbers: the same on any rank, in a few nanoseconds.
+///
+/// Each number is added to the state of SplitMix64 (Steele, Lea and Flood 2014, DOI 10.1145/2660193.2660195) and mixed as there.
 pub fn mixed(numbers: &[u64]) -> u64 {
     numbers.iter().fold(0, |state, number| {
         let state = (state ^ number).wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -20,12 +20,12 @@ pub fn mixed(numbers: &[u64]) -> u64 {
     })
 }
 
-/// The random numbers of one particle.
+/// Random numbers of one particle.
 #[derive(Clone, Debug)]
 pub struct Random(ChaCha8Rng);
 
 impl Random {
-    /// Those of the particle `id` in a scene with this seed.
+    /// Random numbers of the particle `id` in a scene with this seed.
     pub fn of(seed: u64, id: u64) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(seed);
         generator.set_stream(id);
@@ -42,7 +42,7 @@ impl Random {
         2.0 * self.unit() - 1.0
     }
 
-    /// A point of the unit circle, uniform over it: a uniform point of the disk, found by rejection, then normalised.
+    /// A point of the unit circle, uniform over it: a uniform point of the disk by rejection, then normalised.
     pub fn on_circle(&mut self) -> [f64; 2] {
         loop {
             let (x, y) = (self.signed(), self.signed());
@@ -55,8 +55,7 @@ impl Random {
         }
     }
 
-    /// A rotation, uniform over all of them: a uniform point of the unit ball in four dimensions,
-    /// found by rejection, then normalised.
+    /// A rotation, uniform over all rotations: a uniform point of the unit ball in four dimensions by rejection, then normalised.
     pub fn rotation(&mut self) -> Quat {
         loop {
             let point = Quaternion::new(self.signed(), self.signed(), self.signed(), self.signed());
@@ -87,7 +86,7 @@ mod tests {
         assert_eq!(Random::of(1, 7).rotation().w.to_bits(), 0xbfb2_3c3e_c702_c7ea);
     }
 
-    /// SplitMix64's first number from the seed 0, and shares of a million names in a hundred equal parts.
+    /// The first number of SplitMix64 for the seed 0, and the shares of a million ids in a hundred equal parts.
     #[test]
     fn what_is_mixed_is_even() {
         assert_eq!(mixed(&[0]), 0xe220_a839_7b1d_cdaf);
@@ -102,7 +101,7 @@ mod tests {
         assert!(parts.iter().all(|part| part.abs_diff(10_000) < 600), "{parts:?}");
     }
 
-    /// Mean and second moment of a turned axis over 20,000 particles; five standard errors.
+    /// Mean and second moment of a rotated axis over 20,000 particles, within five standard errors.
     #[test]
     fn rotations_are_uniform() {
         let count = 20_000;

@@ -1,4 +1,4 @@
-//! Text from files and to terminals: encodings, numbers of lines, values in messages.
+//! Text from files and to terminals: encodings, line numbers, values in messages.
 
 use crate::files;
 use std::borrow::Cow;
@@ -8,21 +8,21 @@ use std::path::Path;
 
 // --- from files ---
 
-/// Why a file gives no text.
+/// Reason why a file gives no text.
 #[derive(Debug, thiserror::Error)]
 pub enum Unreadable {
-    /// The system has no bytes for it.
+    /// The system cannot read it.
     #[error("cannot be read: {0}")]
     File(std::io::Error),
-    /// Not UTF-8.
+    /// The file is not UTF-8.
     #[error("line {line}: the byte 0x{byte:02x} is not UTF-8; save the file as UTF-8")]
     Encoding {
-        /// From 1.
+        /// Line number, from 1.
         line: usize,
-        /// The first that is wrong.
+        /// First invalid byte.
         byte: u8,
     },
-    /// UTF-16 with a mark, but damaged.
+    /// The file has the mark of UTF-16, but is damaged.
     #[error("is damaged UTF-16; save the file as UTF-8")]
     Utf16,
     /// A binary file, or UTF-16 without a mark.
@@ -32,33 +32,33 @@ pub enum Unreadable {
     Nul(usize),
 }
 
-// No source of it: its words are there.
+// Without a source, because the message already contains its words.
 impl From<std::io::Error> for Unreadable {
     fn from(error: std::io::Error) -> Self {
         Self::File(error)
     }
 }
 
-/// The bytes of a regular file.
+/// Reads the bytes of a regular file.
 ///
 /// # Errors
-/// If there is none.
+/// If there is no such file.
 pub fn bytes(path: &Path) -> Result<Vec<u8>, Unreadable> {
     Ok(files::read(path)?)
 }
 
-/// The text of a regular file.
+/// Reads the text of a regular file.
 ///
 /// # Errors
-/// If there is none.
+/// If there is no such file, or its content is not text.
 pub fn read(path: &Path) -> Result<String, Unreadable> {
     decode(bytes(path)?)
 }
 
-/// Text from UTF-8, or from UTF-16 with a byte order mark. The mark is left out, and a carriage return alone ends a line.
+/// Decodes UTF-8, or UTF-16 with a byte order mark. The mark is removed, and a carriage return alone ends a line.
 ///
 /// # Errors
-/// If the bytes are something else.
+/// If the bytes have another encoding.
 pub fn decode(bytes: Vec<u8>) -> Result<String, Unreadable> {
     let text = match utf16(&bytes) {
         Some(text) => text.map_err(|_| Unreadable::Utf16)?,
@@ -74,10 +74,10 @@ pub fn decode(bytes: Vec<u8>) -> Result<String, Unreadable> {
     Ok(tidy(text))
 }
 
-/// So many names that users have chosen stand in a message.
+/// Largest number of user-defined names in a message.
 pub const MOST_NAMED: usize = 20;
 
-/// Names with commas between them, up to so many; the others are counted.
+/// Names with commas between them, up to `most`; the others are counted.
 pub fn listed<T: AsRef<str>>(names: impl IntoIterator<Item = T>, most: usize) -> String {
     let mut names = names.into_iter();
     let mut list = String::new();
@@ -90,7 +90,7 @@ pub fn listed<T: AsRef<str>>(names: impl IntoIterator<Item = T>, most: usize) ->
     }
 }
 
-/// As [`decode`]; what is no text becomes U+FFFD, for files whose names and comments do not matter.
+/// Same as [`decode`], with U+FFFD for invalid text, for files whose names and comments do not matter.
 pub fn lossy(bytes: &[u8]) -> String {
     tidy(match utf16(bytes) {
         Some(Ok(text)) => text,
@@ -98,14 +98,14 @@ pub fn lossy(bytes: &[u8]) -> String {
     })
 }
 
-/// `None` without the mark of UTF-16.
+/// Decodes UTF-16; `None` without its mark.
 fn utf16(bytes: &[u8]) -> Option<Result<String, std::string::FromUtf16Error>> {
     let (unit, rest): (fn([u8; 2]) -> u16, _) = match bytes {
         [0xff, 0xfe, rest @ ..] => (u16::from_le_bytes, rest),
         [0xfe, 0xff, rest @ ..] => (u16::from_be_bytes, rest),
         _ => return None,
     };
-    // Half a unit at the end is no character.
+    // Half a unit at the end is not a character.
     let cut = (rest.len() % 2 == 1).then_some(0xd800);
     let units: Vec<u16> =
         rest.chunks_exact(2).map(|two| unit([two[0], two[1]])).chain(cut).collect();
@@ -123,17 +123,17 @@ fn tidy(mut text: String) -> String {
     text
 }
 
-/// Where the lines of a text begin [bytes].
+/// Begins of the lines of a text [bytes].
 #[derive(Clone, Debug)]
 pub struct Lines(Vec<usize>);
 
 impl Lines {
-    /// One pass over the text.
+    /// Finds the lines in one pass over the text.
     pub fn of(text: &str) -> Self {
         Self([0].into_iter().chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect())
     }
 
-    /// The line of a byte, from 1.
+    /// Line of a byte, from 1.
     pub fn at(&self, byte: usize) -> usize {
         self.0.partition_point(|&begin| begin <= byte)
     }
@@ -141,16 +141,16 @@ impl Lines {
 
 // --- to terminals ---
 
-/// The most characters of a value that a message shows.
+/// Largest number of characters of a value in a message.
 const LONGEST: usize = 200;
 
-/// Does a terminal obey a character, or turn the text round it?
+/// Whether a terminal obeys a character, or changes the direction of text by it.
 fn is_obeyed(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// A text for a terminal, which obeys none of its characters but line ends and tabs: others are written as `\u{1b}`.
+/// Text for a terminal, without control characters except line ends and tabs: others are written as `\u{1b}`.
 pub fn printable(text: &str) -> Cow<'_, str> {
     let is_shown = |c: char| !is_obeyed(c) || matches!(c, '\n' | '\t');
     if text.chars().all(is_shown) {
@@ -163,16 +163,18 @@ pub fn printable(text: &str) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// Prints to standard error, as [`printable`] and in one piece, or words of other programs may come between. A closed one is ignored.
+/// Prints to standard error, as by [`printable`] and in one piece, so that output of other programs cannot come between.
+///
+/// A closed standard error is ignored.
 pub fn print_error(text: impl Display) {
     let text = format!("{text}\n");
     let _ = std::io::stderr().write_all(printable(&text).as_bytes());
 }
 
-/// A value in a message: on one line, as [`printable`], and at most 200 characters of it.
+/// A value in a message: on one line, as by [`printable`], and at most 200 characters of it.
 pub fn shown(value: impl Display) -> String {
     let mut short = Short { text: String::new(), left: LONGEST };
-    // The rest of a value that is too long is not written.
+    // The rest of a long value is not written.
     let _ = fmt::Write::write_fmt(&mut short, format_args!("{value}"));
     short.text
 }

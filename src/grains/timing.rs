@@ -1,21 +1,21 @@
-//! Where the time of a run goes: wall clock per phase of the step, and the part of it in which a rank had no core.
+//! Time of a run: wall clock per phase of the step, and the part of it in which a rank had no core.
 
 use std::time::{Duration, Instant};
 
 /// A phase of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Integration of positions and orientations, moving walls.
+    /// Integration of positions and orientations, wall motion.
     Move,
     /// Migration, ghosts, load balance and the list of pairs, when the list is rebuilt.
     Rebuild,
-    /// The exchange of ghosts in every step: packing, sending, waiting.
+    /// Exchange of ghosts in every step: packing, sending, waiting.
     Exchange,
     /// Contact resolution.
     Contacts,
     /// Force law and the sum over contacts.
     Forces,
-    /// Small global agreements: is the list stale, has the packing come to rest.
+    /// Small global agreements: whether the list is stale, whether the packing has come to rest.
     Agree,
     /// Resolving a sample of contacts again.
     Audit,
@@ -36,7 +36,7 @@ impl Phase {
         Self::Output,
     ];
 
-    /// As the report names it.
+    /// Name in the report.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Move => "move",
@@ -51,12 +51,12 @@ impl Phase {
     }
 }
 
-/// A stopwatch that gives the time since its last reading to a phase.
+/// A stopwatch that assigns the time since its last reading to a phase.
 #[derive(Clone, Debug)]
 pub struct Clock {
     last: Instant,
     spent: [Duration; Phase::ALL.len()],
-    /// As [`without_core`] said at the start.
+    /// Result of [`without_core`] at the start.
     without_core: Option<Duration>,
 }
 
@@ -67,31 +67,30 @@ impl Clock {
         Self { last: Instant::now(), spent, without_core: without_core() }
     }
 
-    /// Starts a reading without giving the time before it to any phase.
+    /// Starts a reading without assigning the time before it to any phase.
     pub fn restart(&mut self) {
         self.last = Instant::now();
     }
 
-    /// Gives the time since the last reading to `phase`.
+    /// Assigns the time since the last reading to `phase`.
     pub fn lap(&mut self, phase: Phase) {
         let now = Instant::now();
         self.spent[phase as usize] += now - self.last;
         self.last = now;
     }
 
-    /// Time given to a phase so far [s].
+    /// Time assigned to a phase so far [s].
     pub fn seconds(&self, phase: Phase) -> f64 {
         self.spent[phase as usize].as_secs_f64()
     }
 
-    /// Time since the start in which this thread could have gone on, but other programs had its core [s]; `None` where the
-    /// system does not say.
+    /// Time since the start in which this thread was ready but other programs had its core [s]; `None` where the system does not report it.
     pub fn seconds_without_core(&self) -> Option<f64> {
         Some(without_core()?.saturating_sub(self.without_core?).as_secs_f64())
     }
 }
 
-/// Since this thread began. Linux counts it, see `schedstats` in its documentation of the scheduler.
+/// Such time since the start of this thread. Linux counts it, see `schedstats` in its documentation of the scheduler.
 fn without_core() -> Option<Duration> {
     let counts = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     Some(Duration::from_nanos(counts.split(' ').nth(1)?.parse().ok()?))

@@ -1,23 +1,24 @@
-//! How far apart two bodies are that do not touch: the distance that the methods do not need.
+//! Clearance of two bodies that do not touch.
 //!
-//! A force needs no clearance, so every method stops as soon as it knows that a pair is apart. Whoever
-//! checks a pair by hand wants the number and the direction: GJK on the bodies themselves, run to rounding.
+//! A force needs no clearance, so every method stops once it knows that a pair is apart. Checks of a single pair need the distance
+//! and the direction: GJK on the bodies themselves, iterated to rounding.
 
 use super::gjk::{Difference, Separation, separate};
 use super::{Posed, Touch, touch_along};
 use crate::math::Vec3;
 
-/// Bodies that GJK cannot tell from touching are shrunk by the first of these that parts them. The
-/// direction is then off by about as much, and `δ` by its square. Where rounding keeps GJK from an end, it is asked for
-/// less: ratio and tolerance.
+/// Ratios of erosion and tolerances, tried in order until GJK finds the bodies apart.
+///
+/// Erosion parts bodies that GJK cannot distinguish from touching. It changes the direction by about the ratio, and `δ` by its square.
+/// The tolerance is relaxed where rounding keeps GJK from converging.
 const TRIES: [(f64, f64); 7] =
     [(0.0, 0.0), (3e-8, 0.0), (1e-6, 0.0), (0.0, 1e-9), (0.0, 1e-6), (1e-6, 1e-4), (1e-4, 1e-6)];
 
-/// The points of two bodies nearest to each other, as the [`Touch`] with `overlap = -clearance` [m]: the
-/// least `δ(n)`, which is continuous through touching. `r` is from the centre of A to the centre of B [m].
+/// Nearest points of two bodies, as a [`Touch`] with `overlap = -clearance` [m].
 ///
-/// The clearance is good to 1e-14 of the larger body, the normal to 1e-7. `None` if the bodies
-/// overlap; within 1e-6 of the larger body this cannot be told, and the overlap may come out positive.
+/// This is the least `δ(n)`, which is continuous through touching. `r` points from the centre of A to the centre of B [m]. The
+/// clearance is exact to 1e-14 of the larger body, the normal to 1e-7. The result is `None` if the bodies overlap. An overlap below
+/// 1e-6 of the larger body cannot be distinguished, and the returned overlap may be positive.
 pub fn clearance(a: &Posed, b: &Posed, r: &Vec3) -> Option<Touch> {
     let bodies = Difference::new(a, b, r);
     TRIES.into_iter().find_map(|(ratio, tolerance)| {
@@ -35,7 +36,7 @@ mod tests {
     use crate::math::{Mat3, Vec3};
     use crate::shape::{Ellipsoid, Polyhedron, Shape};
 
-    /// A small cube that touches a face of a large one.
+    /// A small cube in contact with a face of a large one.
     #[test]
     fn faces_that_touch() {
         let cube = |half: f64| {

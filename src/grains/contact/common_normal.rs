@@ -1,21 +1,24 @@
 //! The common normal of two ellipsoids (or spheres) by Newton's method on the unit sphere.
 //!
-//! Minimises `δ(n) = h_A(n) + h_B(-n) - n·r` over unit vectors `n` with the exact Riemannian Hessian,
-//! made safe by a shift that keeps it positive definite and by a line search. The first choice for smooth
-//! shapes: a few evaluations, rounding accuracy, a small part of the time of erosion. It needs curvature: shapes with edges go to GJK-erosion or EPA.
+//! Minimises `δ(n) = h_A(n) + h_B(-n) - n·r` over unit vectors `n` with the exact Riemannian Hessian. A shift keeps the Hessian
+//! positive definite, and a line search makes the iteration robust. This is the first choice for smooth shapes: it takes a few
+//! evaluations, is accurate to rounding, and costs a small part of the time of erosion. Shapes with edges have no curvature and use
+//! GJK-erosion or EPA.
 //!
-//! The formulas and the search stand in `newton`, for any number of lanes. Pairs go eight at once through up to
-//! three stages: one that touched at the last step takes one step and a correction from its last normal, which is
-//! enough for grains that turn by a thousandth of a radian in a step; of new ones, the plane across a first
-//! direction shows most to be apart; the others, and those for which the one step was not enough, are searched, each lane
-//! resting when it has arrived. What is left open by the lanes (very long or very deep) is searched alone, if need be from every axis.
+//! The formulas and the search are in `newton`, for any number of lanes. Pairs are processed eight at once in up to three stages:
 //!
-//! *When a minimum is the global one.* Let ϱ be the least radius of curvature of a body's surface. A
-//! sphere of radius ϱ_A + ϱ_B tangent to the difference A − B at a critical point lies inside it
-//! (Blaschke's rolling theorem), so that no other point of the boundary is nearer to the origin if
-//! `δ < ϱ_A + ϱ_B`. Deeper contacts compete with starts from all principal axes.
+//! - A pair that touched at the last step takes one step and a correction from its last normal. This is enough for particles that turn
+//!   by a thousandth of a radian per step.
+//! - For new pairs, the plane across a first direction shows that most are apart.
+//! - The other pairs, and those that needed more than one step, are searched. A lane that has converged rests.
 //!
-//! Only `+ - * / √` are used, and every parenthesis is meant: lanes of a vector unit give the same bits.
+//! Pairs that the lanes cannot resolve (very long or very deep) are searched alone, if necessary from every axis.
+//!
+//! *Condition for the global minimum.* Let ϱ be the least radius of curvature of a body's surface. A sphere of radius ϱ_A + ϱ_B
+//! tangent to the difference A − B at a critical point lies inside it (Blaschke's rolling theorem). If `δ < ϱ_A + ϱ_B`, no other point
+//! of the boundary is therefore nearer to the origin. Deeper contacts compete with starts from all principal axes.
+//!
+//! Only `+ - * / √` are used, and every parenthesis is intended: lanes of a vector unit give the same bits.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -31,16 +34,16 @@ use crate::lanes::{Eight, Gather, Lanes, RowPairs, Symmetric, Triple, WIDTH};
 use crate::math::{Mat3, Vec3};
 use crate::shape::Form;
 
-/// Directions tried before giving up: ellipsoids of 1:2 take 5 at most, of 1:10 10, needles of 1:100 up to 60.
+/// Limit of directions tried: ellipsoids of 1:2 take 5 at most, of 1:10 10, needles of 1:100 up to 60.
 const EVALUATIONS: u32 = 100;
-/// The same for lanes, of which the slowest holds up seven others: ellipsoids of 1:10 seldom take more.
+/// Limit for lanes, where the slowest one delays seven others: ellipsoids of 1:10 seldom take more.
 const EVALUATIONS_IN_LANES: u32 = 12;
 
-/// A step of the fast path may change the squared length of a normal by this: the series that makes it
-/// unit again leaves 1e-16.
+/// Largest change of the squared length of a normal in the fast path: up to it, the series that normalises leaves an error of 1e-16.
 const SHORT: f64 = 2e-4;
-/// The product of the squared lengths of step and correction up to which the fast path trusts itself: the
-/// normal's error is about ten times the product of the lengths at 1:10, less than that product at 1:2.
+/// Largest product of the squared lengths of step and correction for which the fast path is used.
+///
+/// The error of the normal is about ten times the product of the lengths at 1:10, and less than that product at 1:2.
 const TRUSTED: f64 = 4e-23;
 
 /// Resolves ellipsoids and spheres by their common normal.
@@ -53,7 +56,7 @@ impl ContactResolver for CommonNormal {
     }
 
     /// # Panics
-    /// If a body is neither an ellipsoid nor a sphere: the table of resolvers was filled wrongly.
+    /// If a body is neither an ellipsoid nor a sphere, that is, if the table of resolvers is wrong.
     #[inline]
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
         Search::of([a, b], None, r, warm)
@@ -71,12 +74,12 @@ impl InLanes for CommonNormal {
     }
 }
 
-/// The batch, eight pairs at once.
+/// Resolves the batch, eight pairs at once.
 #[inline(always)]
 fn resolve_with<L: Eight>(batch: &Batch, found: &mut Found) {
     let (mut touched, mut new) = (Octet::default(), Octet::default());
     let mut open = Vec::new();
-    // Walls have no form, and are not here.
+    // Walls have no form and do not occur here.
     let bodies = batch.bodies.form.map_or(batch.bodies.position.len(), <[_]>::len);
     let slots = batch.slots(bodies);
     for &index in batch.active {
@@ -105,7 +108,7 @@ fn resolve_with<L: Eight>(batch: &Batch, found: &mut Found) {
     }
 }
 
-/// One pair of a batch on its own, from a unit vector.
+/// Searches one pair of a batch alone, from a unit vector.
 #[cold]
 fn search(batch: &Batch, index: u32, start: &Vec3) -> Outcome {
     let pair = batch.pairs[index as usize];
@@ -116,7 +119,7 @@ fn search(batch: &Batch, index: u32, start: &Vec3) -> Outcome {
     Search::of([&a, &b], forms, &r, Some(start))
 }
 
-/// Up to eight pairs of a batch; their places in it. Those without a pair repeat the first.
+/// Up to eight pairs of a batch, by their index in it. Unused lanes repeat the first pair.
 #[derive(Default)]
 struct Octet {
     count: usize,
@@ -133,7 +136,7 @@ impl Octet {
         self.count += 1;
     }
 
-    /// In metres.
+    /// Bodies of the pairs, in metres.
     #[inline(always)]
     fn pairs<L: Eight>(&self, batch: &Batch, slots: RowPairs) -> Ellipsoids<L> {
         let Bodies { position, form, cell, .. } = batch.bodies;
@@ -149,7 +152,7 @@ impl Octet {
         Ellipsoids { a, b, r }
     }
 
-    /// In units of each pair's length, with these units [m].
+    /// Bodies of the pairs, in units of each pair's length, and these units [m].
     #[inline(always)]
     fn pairs_in_units<L: Eight>(&self, batch: &Batch, slots: RowPairs) -> (Ellipsoids<L>, L) {
         let mut units = [1.0; WIDTH];
@@ -164,13 +167,13 @@ impl Octet {
         (self.pairs(batch, slots).scaled(L::all(1.0) / unit), unit)
     }
 
-    /// Overlaps below these are certainly the least [m].
+    /// Overlaps below which a minimum is certainly the global one [m].
     #[inline(always)]
     fn certain<L: Eight>(&self, batch: &Batch) -> L {
         let Bodies { shape, curvature_radius, scale, .. } = batch.bodies;
         let mut certain = [0.0; WIDTH];
         let lanes = certain.iter_mut().zip(&self.index[..self.count]);
-        // One loop for both would ask each body for its scale.
+        // One loop for both cases would look up the scale of each body.
         if scale.is_some() {
             for (certain, index) in lanes {
                 let Pair { a, b } = batch.pairs[*index as usize];
@@ -187,7 +190,7 @@ impl Octet {
         L::load(&certain)
     }
 
-    /// The normals of the last touch.
+    /// Normals at the last step.
     #[inline(always)]
     fn normals<L: Eight>(&self, batch: &Batch) -> Triple<L> {
         let mut normals = [batch.normal(self.index[0]).as_ref(); WIDTH];
@@ -203,8 +206,9 @@ impl Octet {
         u8::MAX.unbounded_shr((WIDTH - self.count) as u32)
     }
 
-    /// Pairs that touched at the last step: one step of Newton's method and a correction with the same Hessian
-    /// (together of third order), then a look at each lane. Empties the lanes.
+    /// Pairs that touched at the last step: one step of Newton's method and a correction with the same Hessian, together of third order.
+    ///
+    /// Each lane is then checked. Empties the lanes.
     #[inline(always)]
     fn follow<L: Eight>(
         &mut self,
@@ -234,7 +238,7 @@ impl Octet {
         let overlap = after.delta + L::all(0.5) * after.gradient.dot(correction);
         let (normal, _) = unit(after.normal.plus(correction));
 
-        // Comparisons that a number which is not one fails.
+        // These comparisons are false for NaN.
         let zero = L::all(0.0);
         let downhill = zero.less(determinant) & (before.delta + before.delta).less(hessian.trace);
         let short = change.less(L::all(SHORT));
@@ -263,7 +267,7 @@ impl Octet {
         self.count = 0;
     }
 
-    /// New pairs: those that the plane across the first direction parts are apart. Empties the lanes.
+    /// New pairs: those separated by the plane across the first direction are apart. Empties the lanes.
     #[inline(always)]
     fn part<L: Eight>(
         &mut self,
@@ -275,7 +279,7 @@ impl Octet {
         if self.count == 0 {
             return;
         }
-        // In metres: what overflows or underflows is not found apart, and is searched.
+        // In metres: a pair whose values overflow or underflow is not found apart, and is searched.
         let pair = self.pairs::<L>(batch, slots);
         let start = pair.cold_start().unit();
         let delta = pair.delta(start);
@@ -297,7 +301,7 @@ impl Octet {
         self.count = 0;
     }
 
-    /// Every lane has `delta` below zero. Empties the lanes.
+    /// All lanes have a negative `delta`. Empties the lanes.
     #[inline(always)]
     fn part_all<L: Eight>(&mut self, delta: L, found: &mut Found) {
         let clearances = (L::all(0.0) - delta).store();
@@ -305,7 +309,7 @@ impl Octet {
         self.count = 0;
     }
 
-    /// The search for all others, from unit vectors. Empties the lanes.
+    /// Searches all other pairs from unit vectors. Empties the lanes.
     #[inline(always)]
     fn search<L: Eight>(
         &mut self,
@@ -338,7 +342,7 @@ impl Octet {
     }
 }
 
-/// The forms of eight bodies [m²], where the caller does not keep them.
+/// Forms of eight bodies [m²], for callers that do not store them.
 #[inline(always)]
 fn forms_made<L: Eight>(bodies: &Bodies, slots: Gather) -> Symmetric<L> {
     let mut made = [[0.0; 6]; WIDTH];
@@ -349,7 +353,7 @@ fn forms_made<L: Eight>(bodies: &Bodies, slots: Gather) -> Symmetric<L> {
     Symmetric::of(&made.each_ref())
 }
 
-/// Eight touches, number by number [m].
+/// Eight contact geometries, by component [m].
 struct Touches {
     overlap: [f64; WIDTH],
     normal: [[f64; WIDTH]; 3],
@@ -374,7 +378,7 @@ impl Touches {
     }
 }
 
-/// A vector that is nearly unit made so by a series, and how far its squared length was off.
+/// Normalises a nearly unit vector by a series. Also returns the square of the deviation of its squared length from 1.
 #[inline(always)]
 fn unit<L: Lanes>(v: Triple<L>) -> (Triple<L>, L) {
     let off = v.dot(v) - L::all(1.0);
@@ -383,11 +387,12 @@ fn unit<L: Lanes>(v: Triple<L>) -> (Triple<L>, L) {
     (v.times(factor), off * off)
 }
 
-/// The common normal started from the direction of GJK-erosion: dearer, but started within a few
-/// degrees of the answer. For pairs at which [`CommonNormal`] gives up.
+/// The common normal, started from the direction of GJK-erosion, for pairs for which [`CommonNormal`] fails.
+///
+/// The start costs more but lies within a few degrees of the answer.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SeededCommonNormal {
-    /// Gives the start.
+    /// Method that gives the start.
     pub seed: ErodedGjk,
 }
 
@@ -399,7 +404,7 @@ impl ContactResolver for SeededCommonNormal {
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
         match self.seed.touch(a, b, r, warm) {
             Outcome::Touching(seed) => CommonNormal.touch(a, b, r, Some(&seed.normal)),
-            // Erosion misses no contact: apart is apart.
+            // Erosion misses no contact, so a pair found apart is apart.
             other => other,
         }
     }
@@ -418,7 +423,7 @@ impl Outcome {
     }
 }
 
-/// The safeguarded search for one pair, in units of the pair's length.
+/// Safeguarded search for one pair, in units of the pair's length.
 struct Search<'a> {
     frames: [&'a Mat3; 2],
     pair: Ellipsoids<f64>,
@@ -427,7 +432,7 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Resolves a pair. The matrices of the bodies are computed if the caller does not have them.
+    /// Resolves a pair. The matrices of the bodies are computed if `forms` is `None`.
     #[inline]
     fn of(
         bodies: [&Posed<'a>; 2],
@@ -484,7 +489,7 @@ impl<'a> Search<'a> {
         best.map_or_else(Outcome::Failed, Outcome::Touching)
     }
 
-    /// Goes downhill from `start`, a unit vector.
+    /// Minimises from `start`, a unit vector.
     fn minimise(&self, start: &Vec3) -> Outcome {
         let end = self.pair.descend(triple(start), 1, EVALUATIONS);
         if end.apart == 1 {
@@ -525,7 +530,7 @@ mod tests {
     use crate::random::Random;
     use crate::shape::{Ellipsoid, Form, Shape, Sphere};
 
-    /// Pairs of touching bodies far from each other, with the normals of a step before.
+    /// Pairs of touching bodies far from each other, with the normals of a previous step.
     struct Crowd {
         position: Vec<Vec3>,
         quaternion: Vec<Quat>,
@@ -596,7 +601,7 @@ mod tests {
             }
         }
 
-        /// What a resolver finds, by pair.
+        /// Results of a resolver, by pair.
         fn touches(&self, resolve: impl Fn(&Batch, &mut Found)) -> Vec<Touch> {
             let active: Vec<u32> = (0..self.pairs.len() as u32).collect();
             let previous: Vec<Previous> = (0..self.pairs.len()).map(Previous::at).collect();
@@ -627,7 +632,7 @@ mod tests {
             .collect()
     }
 
-    /// With and without vector registers, in nanometres and kilometres.
+    /// Same bits with and without vector registers, in nanometres and kilometres.
     #[test]
     fn lanes_give_the_same_bits_everywhere() {
         for turned in [1e-6, 1e-4, 1e-2] {
@@ -652,7 +657,7 @@ mod tests {
         }
     }
 
-    /// New pairs, eight at once, in any company, get the bits that each gets alone.
+    /// New pairs, eight at once in any company, give the same bits as each pair alone.
     #[test]
     fn lanes_search_as_one_alone() {
         let mut crowd = Crowd::new(1003, 0.0, 1.0);
@@ -678,7 +683,7 @@ mod tests {
         assert_eq!(bits(&reversed), bits(&alone));
     }
 
-    /// The fast path's answers are those of the search: overlap to 4e-15, normal to 1e-10 rad.
+    /// The fast path agrees with the search: overlap to 4e-15, normal to 1e-10 rad.
     #[test]
     fn the_fast_path_agrees_with_the_search() {
         for turned in [0.0, 1e-8, 1e-5, 1e-4, 1e-3] {

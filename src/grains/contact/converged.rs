@@ -1,13 +1,13 @@
-//! The converged answer for one pair, whatever it costs: what a method is held against.
+//! Converged answer for one pair at any cost, the reference for the methods.
 //!
-//! | what the method looks for | its converged answer |
+//! | definition of the method | converged answer |
 //! |---|---|
-//! | a closed form | the same |
-//! | the least overlap, however roughly | the common normal: the direction of EPA to 1e-10, which is proof that no other overlap is less, then Newton's method until it stagnates; between points, segments and polyhedra with margins, the distance of these cores; of a curved body and one with edges or a margin, and of edges, EPA to 1e-12 |
-//! | the thickness of what faces share | the same, of two bodies with A and B exchanged: what depends on the order of coinciding faces shows |
+//! | a closed form | the same closed form |
+//! | the least overlap, exact or approximate | the common normal: the direction of EPA to 1e-10, which proves that no other overlap is less, then Newton's method until it stagnates; between points, segments and polyhedra with margins, the distance of these cores; for a curved body and one with edges or a margin, and for edges, EPA to 1e-12 |
+//! | the thickness of the volume that bodies with faces share | the same, for two bodies with A and B exchanged, which shows any dependence on the order of coinciding faces |
 //!
-//! All other pairs are turned in space before, so that where the run has the same formulas, rounding shows. The answer does not depend
-//! on the last normal, as that of a method in a run may.
+//! All other pairs are rotated in space first, which shows rounding errors where the run uses the same formulas. The answer does not
+//! depend on the last normal, unlike that of a method in a run.
 
 use super::common_normal::CommonNormal;
 use super::cores::Cores;
@@ -21,51 +21,51 @@ use super::{ContactResolver, Outcome, Posed, Touch, Why};
 use crate::math::{Mat3, Vec3};
 use crate::shape::Kind;
 
-/// What a method looks for.
+/// Definition of the overlap that a method computes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Definition {
-    /// The direction along which the bodies overlap least.
+    /// Overlap along the direction of least overlap.
     #[default]
     LeastOverlap,
-    /// The thickness of what bodies with faces share.
+    /// Thickness of the volume that bodies with faces share.
     Thickness,
 }
 
-/// How the converged answer is found.
+/// Method of the converged answer, by the kinds of the pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Converged {
-    /// Of spheres.
+    /// Two spheres.
     Spheres,
-    /// Of any body and a plane.
+    /// Any body and a plane.
     Plane,
-    /// Of any body and a facet of a triangle mesh.
+    /// Any body and a facet of a triangle mesh.
     Facet,
-    /// Of two ellipsoids or spheres.
+    /// Two ellipsoids or spheres.
     Ellipsoids,
-    /// Of other bodies without edges.
+    /// Other bodies without edges.
     Smooth,
-    /// Of bodies of which one has a margin, and none is curved but by its margin: the distance of the cores is exact.
+    /// Two bodies of which one has a margin and neither is curved except by its margin. The distance of the cores is exact.
     Cores,
-    /// Of a body with a margin and one that is curved.
+    /// A body with a margin and a curved one.
     CurvedCores,
-    /// Of bodies with edges.
+    /// Bodies with edges.
     Edges,
-    /// Of what bodies with faces share.
+    /// Volume shared by bodies with faces.
     Shared,
-    /// Of what a body with faces shares with the space behind a plane.
+    /// Volume that a body with faces shares with the space behind a plane.
     SharedWithPlane,
-    /// Of what a body with faces shares with the space behind triangles.
+    /// Volume that a body with faces shares with the space behind triangles.
     SharedWithSurface,
 }
 
-/// Tolerances of EPA for bodies with and without edges; where the first asks too much, the second answers.
+/// Tolerances of EPA for bodies with edges; the second one is used where the first is not reached.
 const WITH_EDGES: [f64; 2] = [1e-12, 1e-8];
 const SMOOTH: [f64; 2] = [1e-10, 1e-8];
-/// The least overlap is the answer; up to this part of the size more is rounding.
+/// A refined overlap may exceed that of EPA by this part of the size, which is rounding.
 const ROUNDING: f64 = 1e-14;
 
 impl Converged {
-    /// For pairs of these kinds, the second of which may be a half-space, and a method that looks for this.
+    /// Method for pairs of these kinds, the second of which may be a wall, and for this definition.
     pub fn of((a, b): (Kind, Kind), definition: Definition) -> Self {
         match (a, b, definition) {
             (_, Kind::HalfSpace, Definition::Thickness) => Self::SharedWithPlane,
@@ -84,7 +84,7 @@ impl Converged {
         }
     }
 
-    /// As reports name it.
+    /// Name in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Spheres | Self::Plane => "the closed form",
@@ -97,7 +97,7 @@ impl Converged {
         }
     }
 
-    /// Resolves a pair. `r` is from the centre of A to that of B [m].
+    /// Resolves a pair. `r` points from the centre of A to the centre of B [m].
     pub fn touch(self, a: &Posed, b: &Posed, r: &Vec3) -> Outcome {
         match self {
             Self::Shared => exchanged(a, b, r),
@@ -127,7 +127,7 @@ impl Converged {
     }
 }
 
-/// EPA first, then `refine` from its normal. Where the bodies do not touch, `refine` knows better how far they are apart.
+/// EPA, then `refine` from its normal. Where the bodies do not touch, `refine` gives the better distance.
 fn by_epa(
     a: &Posed,
     b: &Posed,
@@ -167,7 +167,7 @@ fn shared(a: &Posed, b: &Posed, r: &Vec3) -> Outcome {
     })
 }
 
-/// What B shares with A, as A sees it.
+/// Resolves the shared volume with A and B exchanged.
 fn exchanged(a: &Posed, b: &Posed, r: &Vec3) -> Outcome {
     match shared(b, a, &-r) {
         Outcome::Touching(Touch { overlap, normal, point }) => {
@@ -177,7 +177,7 @@ fn exchanged(a: &Posed, b: &Posed, r: &Vec3) -> Outcome {
     }
 }
 
-/// What is found of the pair after a turn in space, turned back.
+/// Resolves a pair after a rotation in space and rotates the result back.
 fn turned(
     a: &Posed,
     b: &Posed,
@@ -197,7 +197,7 @@ fn turned(
     }
 }
 
-/// A rotation that takes no axis to an axis.
+/// A rotation that maps no axis to an axis.
 fn turn() -> Mat3 {
     Mat3::new(2.0, -5.0, 14.0, 11.0, 10.0, 2.0, -10.0, 10.0, 5.0) / 15.0
 }
@@ -216,7 +216,7 @@ mod tests {
         assert!((turn.determinant() - 1.0).abs() < 1e-15);
     }
 
-    /// Pairs that are placed along their common normal: the converged answer is what they were built from, and erosion is off.
+    /// For pairs placed along their common normal, the converged answer is that normal and erosion differs from it.
     #[test]
     fn pairs_built_from_their_normal_have_it() {
         let semi_axes = Vec3::new(1.0, 0.5, 0.4);

@@ -1,11 +1,11 @@
-//! Bodies with a margin: the distance of their cores gives everything.
+//! Bodies with a margin, resolved by the distance of their cores.
 //!
-//! A sphere is a point, a spherocylinder a segment, a rounded polyhedron a polyhedron, each with a sphere
-//! rolled around it. As long as the cores are apart, at a distance `D` along `n`, that is the common
-//! normal, and the overlap is `r_A + r_B - D`: erosion along the surface's normal, which unlike radial
-//! erosion is exact. Segments and points have closed forms, for all others GJK ends after a few
-//! supports. A body without a margin is its own core. Where the cores intersect, the overlap is more than
-//! both radii, and the next of the chain must answer.
+//! A sphere has a point as its core, a spherocylinder a segment, and a rounded polyhedron a polyhedron, each with a sphere rolled
+//! around it. A body without a margin is its own core. As long as the cores are apart, at a distance `D` along `n`, `n` is the common
+//! normal and the overlap is `r_A + r_B - D`. This is erosion along the surface normal, which is exact, unlike radial erosion.
+//!
+//! Segments and points have closed forms. For all others GJK ends after a few supports. Where the cores intersect, the overlap is more
+//! than the sum of both radii, and the next resolver of the chain must answer.
 
 use super::gjk::{Difference, Separation, separate};
 use super::patch::nearest_of_segments;
@@ -17,7 +17,7 @@ use crate::shape::Shape;
 /// Relative duality gap at which GJK stops: two polyhedra reach it, or rounding, in a few steps.
 const TOLERANCE: f64 = 1e-14;
 
-/// Resolves two bodies of which one at least has a margin.
+/// Resolver of two bodies of which at least one has a margin.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Cores;
 
@@ -49,7 +49,7 @@ impl ContactResolver for Cores {
     }
 }
 
-/// From the centre to the end of the segment that is the body's core, in world axes [m]; none of a sphere.
+/// Vector from the centre to the end of the segment that is the body's core, in world axes [m]; zero for a sphere.
 fn axis(body: &Posed) -> Option<Vec3> {
     match (body.core(), body.shape) {
         (PosedCore::Segment(end), _) => Some(end),
@@ -58,8 +58,7 @@ fn axis(body: &Posed) -> Option<Vec3> {
     }
 }
 
-/// The closed form: the shortest line between two segments, each given by the vector from its middle to one
-/// of its ends.
+/// Closed form: the shortest line between two segments, each given by the vector from its middle to one of its ends.
 fn between_axes(a: &Posed, on_a: &Vec3, b: &Posed, on_b: &Vec3, r: &Vec3) -> Outcome {
     let (p, q) = nearest_of_segments(&[-on_a, *on_a], &[r - on_b, r + on_b]);
     let (radius_a, reach) = (a.margin(), a.margin() + b.margin());
@@ -71,7 +70,7 @@ fn between_axes(a: &Posed, on_a: &Vec3, b: &Posed, on_b: &Vec3, r: &Vec3) -> Out
     if distance.is_nan() {
         return Outcome::Failed(Why::NotFinite);
     }
-    // Directions of rounding errors are no normals.
+    // The direction of such a short vector is a rounding error.
     if distance <= 1e-12 * reach {
         return Outcome::Failed(Why::TooDeep);
     }

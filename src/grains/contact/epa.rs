@@ -1,19 +1,19 @@
 //! Expanding polytope: the overlap of any two convex bodies, to a tolerance.
 //!
-//! Van den Bergen (2001), "Proximity queries and penetration depth computation on 3D game objects". A
-//! polytope inside the Minkowski difference grows at the face nearest to the origin, until that face is
-//! as far out as the difference itself. It needs nothing but support points and finds the true
-//! overlap however deep. Choose it for sharp shapes, or to check another method.
+//! Van den Bergen (2001), "Proximity queries and penetration depth computation on 3D game objects". A polytope inside the Minkowski
+//! difference grows at the face nearest to the origin, until that face is as far out as the difference itself. The method needs only
+//! support points and finds the true overlap at any depth. It is for sharp shapes and for checks of other methods.
 //!
-//! Four departures from the textbook. The tetrahedron with which GJK ends is taken only if it is not
-//! flat; the one built otherwise need not hold the origin, because distances of
-//! faces carry a sign and a face that has the origin outside is the next to be moved out. The
-//! answer carries its own proof: the least overlap over all directions seen is an upper bound, the
-//! nearest face a lower one, and only their difference ends the iteration. Where the bodies are smooth,
-//! a few steps of the secant method from the nearest face then bring the direction, which the proof
-//! leaves uncertain by the square root of the tolerance, to rounding. And where they are smooth and touched
-//! before, secants from the last normal come first, and the polytope begins with corners about what they find,
-//! where it must be fine: it has little left to do but the proof.
+//! It departs from the textbook in four ways:
+//!
+//! - The last tetrahedron of GJK is used only if it is not flat. The one built otherwise need not contain the origin: distances of faces
+//!   carry a sign, and a face that has the origin outside is the next to be moved out.
+//! - The answer carries its own proof. The least overlap over all directions seen is an upper bound, the nearest face a lower one, and
+//!   only their difference ends the iteration.
+//! - For smooth bodies, a few secant steps from the nearest face determine the direction to rounding. The proof alone leaves it
+//!   uncertain by the square root of the tolerance.
+//! - For smooth bodies that touched before, secants from the last normal come first. The polytope begins with corners around their
+//!   result, where it must be fine, and little more than the proof remains.
 
 use super::gjk::{Corner, Difference, Separation, enclose, secant};
 use super::polish::polished;
@@ -25,36 +25,37 @@ use std::collections::BinaryHeap;
 
 /// Rounding of the bounds, in units of the pair's length.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
-/// A corner sees a face from at least this far above it [units]: less may be rounding.
+/// Height above a face from which a corner sees it [units]: less may be rounding.
 const SEES: f64 = 4.0 * f64::EPSILON;
 /// A tetrahedron with less volume than this part of its longest edge cubed, times 6, is flat.
 const FLAT: f64 = 1e-4;
-/// Corners of the polytope: ellipsoids take about 30 at 1e-8, but hundreds where the overlap is nearly the
-/// same along a range of directions.
+/// Limit of the corners of the polytope.
+///
+/// Ellipsoids take about 30 at 1e-8, but hundreds where the overlap is nearly the same along a range of directions.
 const CORNERS: usize = 1000;
-/// Secants at the end; smooth bodies take 3 to 5.
+/// Limit of secants at the end; smooth bodies take 3 to 5.
 const SECANTS: u32 = 8;
-/// A secant that does not bring the remainder below this part of the last is the last.
+/// A secant that does not bring the remainder below this part of the last one is the last.
 const WORTHWHILE: f64 = 0.25;
-/// With less left than this [units squared], secants have found the overlap to rounding.
+/// Remainder below which secants have found the overlap to rounding [units squared].
 const FOUND: f64 = 1e-16;
-/// Secants from the last normal begin with directions that are tilted by this.
+/// Tilt of the directions with which secants from the last normal begin.
 const NEAR: f64 = 1e-3;
-/// Rings around what they find end here.
+/// Largest tilt of the rings around the result of the secants.
 const FAR: f64 = 0.2;
 const HALF_ROOT_3: f64 = 0.866_025_403_784_438_6;
 
-/// Resolves two convex bodies by GJK and the expanding polytope.
+/// Resolver of two convex bodies by GJK and the expanding polytope.
 ///
-/// The overlap returned is that of the *bodies* along the best direction, at most `tolerance` more
-/// than the true one and never less but for rounding.
+/// The overlap is that of the *bodies* along the best direction. It exceeds the true one by at most `tolerance`, and is never less
+/// except for rounding.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Epa {
-    /// How far the overlap may be above the true one, relative to the size of the larger body (its
-    /// bounding radius, rounded down to a power of two). Of smooth bodies it is hardly ever above by more than
-    /// rounding, unless the tolerance is so coarse that two minima are mixed up.
+    /// Largest excess over the true overlap, relative to the size of the larger body (its bounding radius, rounded down to a power of two).
+    ///
+    /// For smooth bodies the excess is hardly ever more than rounding, unless the tolerance is so coarse that two minima are confused.
     pub tolerance: f64,
-    /// Ends with secants where both bodies are smooth. Without, this is EPA as in the paper.
+    /// Whether secants end the iteration where both bodies are smooth. Without them, this is EPA as in the paper.
     pub polish: bool,
 }
 
@@ -65,12 +66,12 @@ impl Default for Epa {
 }
 
 impl Epa {
-    /// To this tolerance, with secants at the end.
+    /// EPA to this tolerance, with secants at the end.
     pub const fn new(tolerance: f64) -> Self {
         Self { tolerance, polish: true }
     }
 
-    /// With the last digits, if they are asked for.
+    /// Contact along a normal, polished if enabled.
     fn touch_along(self, a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Outcome {
         let touch = touch_along(a, b, r, normal);
         if self.polish { polished(a, b, r, touch).outcome() } else { touch.outcome() }
@@ -103,13 +104,13 @@ impl Epa {
                 return self.touch_along(a, b, r, &normal);
             }
         }
-        // Coincident centres have an overlap, if no unique normal.
+        // Coincident centres have an overlap, but no unique normal.
         let start = if squared == 0.0 { Vec3::x() } else { m.r };
         let (answer, simplex) = enclose(&m, &start, 0.0, 0.0);
         match answer {
             Separation::Beyond(distance) => return Outcome::Apart(distance * m.unit),
             Separation::Apart(_) => return Outcome::Apart(0.0),
-            // A stalled iteration leaves a polytope that may not hold the origin, which does no harm.
+            // The polytope of a stalled iteration may not contain the origin, which does no harm.
             Separation::NotConverged | Separation::Intersecting => {}
         }
         match simplex.tetrahedron() {
@@ -132,7 +133,7 @@ impl ContactResolver for Epa {
         self.touch_with(&mut Polytope::default(), a, b, r, warm)
     }
 
-    /// One after the other, in the memory of the first.
+    /// Resolves the pairs one after the other and reuses the memory of the polytope.
     fn resolve(&self, batch: &Batch, found: &mut Found) {
         let mut polytope = Polytope::default();
         for &index in batch.active {
@@ -158,8 +159,9 @@ fn is_flat(corners: &[Corner; 4]) -> bool {
     volume(corners).abs() < FLAT * longest * longest.sqrt()
 }
 
-/// A tetrahedron that is not flat: each new corner is at least half as far out of the span of the
-/// others as the difference is wide.
+/// A tetrahedron that is not flat.
+///
+/// The distance of each new corner from the span of the others is at least half the width of the difference.
 fn tetrahedron(m: &Difference, start: &Vec3) -> [Corner; 4] {
     let (p, q) = (m.corner(*start), m.corner(-start));
     let edge = (q.point - p.point).normalize();
@@ -182,8 +184,7 @@ fn around(normal: &Vec3, tilt: f64) -> [Vec3; 3] {
     sides.map(|side| (normal + side * tilt).normalize())
 }
 
-/// The corner of least overlap near the last direction, a unit vector, if secants find it; or one along which the
-/// bodies do not overlap.
+/// Corner of least overlap near the last direction, a unit vector, if secants find it, or a corner without overlap.
 fn near(m: &Difference, last: &Vec3) -> Option<Corner> {
     let corner = m.corner(*last);
     if corner.overlap() <= 0.0 {
@@ -196,32 +197,32 @@ fn near(m: &Difference, last: &Vec3) -> Option<Corner> {
 
 /// A triangle of the polytope.
 struct Face {
-    /// Counter-clockwise, seen from outside.
+    /// Corners, counter-clockwise seen from outside.
     corners: [u32; 3],
-    /// The face beyond the edge from each corner to the next.
+    /// Faces beyond the edges from each corner to the next.
     neighbours: [u32; 3],
     /// Outward unit normal.
     normal: Vec3,
-    /// Of its plane from the origin; negative if the origin is outside.
+    /// Distance of the plane from the origin; negative if the origin is outside.
     distance: f64,
-    /// Replaced by others.
+    /// Whether the face was replaced.
     gone: bool,
 }
 
 impl Face {
-    /// Is a point on its outer side?
+    /// Whether a point is on the outer side.
     #[inline]
     fn is_seen_from(&self, point: &Vec3) -> bool {
         point.dot(&self.normal) > self.distance + SEES
     }
 
-    /// Which of its edges starts at this corner, which it has.
+    /// Index of the edge that starts at this corner of the face.
     fn edge_from(&self, corner: u32) -> usize {
         self.corners.iter().position(|&c| c == corner).unwrap_or(0)
     }
 }
 
-/// An edge of what a corner sees, counter-clockwise, and what lies beyond.
+/// An edge of the outline that a corner sees, counter-clockwise, and the face beyond it.
 struct Edge {
     from: u32,
     to: u32,
@@ -229,19 +230,19 @@ struct Edge {
     beyond: (u32, usize),
 }
 
-/// A convex polytope with corners on the boundary of the difference; cleared for each pair, to keep its memory.
+/// A convex polytope with corners on the boundary of the difference; cleared for each pair to keep its memory.
 #[derive(Default)]
 struct Polytope {
     corners: Vec<Corner>,
     faces: Vec<Face>,
-    /// The faces that may yet be the nearest, by distance.
+    /// Faces that may still be the nearest, by distance.
     near: BinaryHeap<Reverse<(i64, u32)>>,
-    /// Edges of faces which are seen, still to be crossed.
+    /// Edges of seen faces, still to be crossed.
     crossings: Vec<(u32, usize)>,
     horizon: Vec<Edge>,
 }
 
-/// Of the order of the numbers.
+/// Integer with the order of the floating-point numbers.
 fn key(distance: f64) -> i64 {
     let bits = distance.to_bits() as i64;
     bits ^ (((bits >> 63) as u64) >> 1) as i64
@@ -255,7 +256,7 @@ impl Polytope {
         let unit = |c: &Corner| Corner { direction: c.direction.normalize(), ..*c };
         self.corners.extend(corners.iter().map(unit));
         if volume(corners) > 0.0 {
-            // Bottom face first: from the fourth corner it must look clockwise.
+            // The bottom face comes first, and must look clockwise from the fourth corner.
             self.corners.swap(1, 2);
         }
         let faces = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
@@ -265,13 +266,14 @@ impl Polytope {
         }
     }
 
-    /// Begins about the direction of least overlap, where the polytope must be finest: with a small face around it, and
-    /// rings that widen as fast as the proof allows. `None` as of [`Polytope::insert`].
+    /// Begins with a small face around the direction of least overlap, where the polytope must be finest.
+    ///
+    /// Rings around it widen as fast as the proof allows. Returns `None` where [`Polytope::insert`] does.
     fn begin_about(&mut self, m: &Difference, best: &Corner, tolerance: f64) -> Option<()> {
         let overlap = best.overlap();
         // The small face is no deeper below the surface than the tolerance, for radii of curvature up to 4.
         let smallest = (0.5 * tolerance).sqrt();
-        // A face from one ring to the next is farther out than the overlap, as long as they are no farther apart.
+        // Up to this ratio of their tilts, a face between two rings is farther out than the overlap.
         let wider = (0.5 / overlap).clamp(3.0, 100.0);
         let [p, q, s] = around(&best.direction, -1.0).map(|direction| m.corner(direction));
         self.begin(&[p, q, s, m.corner(-best.direction)]);
@@ -279,7 +281,7 @@ impl Polytope {
         while tilt * wider < FAR {
             tilt *= wider;
         }
-        // Each ring is turned by half against the one before.
+        // Each ring is turned by half against the previous one.
         let mut side = 1.0;
         loop {
             for direction in around(&best.direction, side * tilt) {
@@ -292,7 +294,7 @@ impl Polytope {
         }
     }
 
-    /// Takes in a corner, if it is outside. `None` as of [`Polytope::insert`].
+    /// Adds a corner if it is outside. Returns `None` where [`Polytope::insert`] does.
     fn grow(&mut self, corner: Corner, enough: f64) -> Option<()> {
         match self.faces.iter().position(|face| !face.gone && face.is_seen_from(&corner.point)) {
             Some(face) => self.insert(corner, face as u32, enough),
@@ -300,12 +302,12 @@ impl Polytope {
         }
     }
 
-    /// A face as far away as `enough` will never be the nearest one.
+    /// Adds a face. A face at a distance of `enough` or more will never be the nearest one.
     fn add_face(&mut self, corners: [u32; 3], neighbours: [u32; 3], enough: f64) {
         let [p, q, s] = corners.map(|c| self.corners[c as usize].point);
         let across = (q - p).cross(&(s - p));
         let length = across.norm();
-        // A face without area has no plane: it is never the nearest, and nothing sees it.
+        // A face without area has no plane: it is never the nearest, and no corner sees it.
         let (normal, distance) = if length > 0.0 {
             let normal = across / length;
             (normal, normal.dot(&((p + q + s) / 3.0)))
@@ -327,8 +329,9 @@ impl Polytope {
         }
     }
 
-    /// The direction of least overlap to within `tolerance`, or `None` if the iteration stalls. `best` is the corner
-    /// with the least overlap so far.
+    /// Direction of least overlap to within `tolerance`, or `None` if the iteration stalls.
+    ///
+    /// `best` is the corner with the least overlap so far.
     fn expand(
         &mut self,
         m: &Difference,
@@ -343,12 +346,12 @@ impl Polytope {
                 return None;
             }
             let Some(nearest) = self.nearest_face() else {
-                // All are farther out than the overlap along the best direction.
+                // All faces are farther out than the overlap along the best direction.
                 break;
             };
             let Face { normal, distance, .. } = self.faces[nearest as usize];
             if last.is_none() && least - distance <= tolerance {
-                // Proved before it has begun.
+                // The bounds already agree before the first step.
                 break;
             }
             last = Some(nearest);
@@ -357,7 +360,7 @@ impl Polytope {
             if overlap < least {
                 (least, best) = (overlap, Some(corner));
             }
-            // A direction along which the bodies do not overlap settles the matter at once.
+            // A direction without overlap proves that the bodies are apart.
             if least <= 0.0 {
                 return Some(normal);
             }
@@ -379,7 +382,8 @@ impl Polytope {
     }
 
     /// Replaces every face that sees `corner`, `first` among them, by faces from their outline to it.
-    /// `None` if the outline is not one line around, which rounding can bring about.
+    ///
+    /// Returns `None` if the outline is not one closed line, which rounding can cause.
     fn insert(&mut self, corner: Corner, first: u32, enough: f64) -> Option<()> {
         let new = self.corners.len() as u32;
         self.corners.push(corner);
@@ -387,7 +391,7 @@ impl Polytope {
         self.crossings.clear();
         self.crossings.extend([(first, 2), (first, 1), (first, 0)]);
         self.faces[first as usize].gone = true;
-        // Depth first and turning left, edges come in their order around.
+        // Depth first with left turns, edges come in their order around the outline.
         while let Some((face, edge)) = self.crossings.pop() {
             let Face { corners, neighbours, .. } = &self.faces[face as usize];
             let (from, to, beyond) = (corners[edge], corners[(edge + 1) % 3], neighbours[edge]);
@@ -421,7 +425,7 @@ impl Polytope {
     }
 }
 
-/// The best corner after a few secants that start at three and never make it worse.
+/// The best corner after a few secants that start from three and never increase the overlap.
 fn secants(m: &Difference, mut corners: [Corner; 3], best: Corner) -> Corner {
     let (least, mut best, mut left) = (best.overlap(), best, f64::INFINITY);
     for _ in 0..SECANTS {
@@ -439,14 +443,14 @@ fn secants(m: &Difference, mut corners: [Corner; 3], best: Corner) -> Corner {
     best
 }
 
-/// Of corners whose directions are unit vectors.
+/// For corners whose directions are unit vectors.
 impl Corner {
-    /// The overlap along its direction [units].
+    /// Overlap along the direction of the corner [units].
     fn overlap(&self) -> f64 {
         self.point.dot(&self.direction)
     }
 
-    /// How far its point is off the line of its direction, squared.
+    /// Squared distance of the point from the line of its direction [units²].
     fn remainder(&self) -> f64 {
         (self.point - self.direction * self.overlap()).norm_squared()
     }
@@ -459,7 +463,7 @@ mod tests {
     use crate::math::Vec3;
     use crate::shape::{Ellipsoid, Shape};
 
-    /// What is found of the `k`-th pair of equal ellipsoids with this overlap along the normal of [`orientations`].
+    /// Result for the `k`-th pair of equal ellipsoids with this overlap along the normal of [`orientations`].
     fn found(epa: Epa, semi_axes: Vec3, k: f64, overlap: f64, last: Option<&Vec3>) -> Outcome {
         let shape = Shape::Ellipsoid(Ellipsoid { semi_axes });
         let ([one, other], normal) = orientations(k);
@@ -469,14 +473,14 @@ mod tests {
         epa.touch(&a, &b, &r, last)
     }
 
-    /// A coarse polytope is enough for smooth bodies: secants do the rest.
+    /// A coarse polytope is enough for smooth bodies: the secants refine it.
     #[test]
     fn secants_find_the_normal() {
         let semi_axes = Vec3::new(1.0, 0.5, 0.4);
         for i in 0..500 {
             let k = f64::from(i);
             let normal = orientations(k).1;
-            // Less than the least radii of curvature: no other minimum.
+            // Less than the least radii of curvature, so there is no other minimum.
             let overlap = 1e-3 + 0.02 * (0.9 * k).sin().abs();
             let outcome = found(Epa::new(1e-5), semi_axes, k, overlap, None);
             let Outcome::Touching(touch) = outcome else { panic!("pair {i} was not resolved") };
@@ -485,7 +489,7 @@ mod tests {
                 "pair {i}: {:e}",
                 touch.overlap - overlap
             );
-            // By their support points, as the polytope alone is good to 1e-3.
+            // By the secants, as the polytope alone is accurate to 1e-3.
             assert!((touch.normal - normal).norm() < 1e-8, "pair {i}: {}", touch.normal);
         }
     }
@@ -520,7 +524,7 @@ mod tests {
         }
     }
 
-    /// Bodies that have come apart are never said to touch, whatever the last normal was.
+    /// Bodies that have come apart are never reported as touching, whatever the last normal was.
     #[test]
     fn the_last_normal_of_bodies_apart() {
         let semi_axes = Vec3::new(2.0, 1.0, 0.7);

@@ -1,11 +1,10 @@
-//! Shape erosion: GJK on bodies scaled down about their centres gives the direction, the bodies
-//! themselves the overlap (Lai et al. 2021, section 1.3 (2), radial scheme).
+//! Shape erosion: GJK on bodies scaled down about their centres gives the direction, the unscaled bodies give the overlap
+//! (Lai et al. 2021, section 1.3 (2), radial scheme).
 //!
-//! For every convex shape, and the method of the paper that this code is to reproduce. It costs
-//! less than EPA, but its normal is not the common normal: for 1:2 ellipsoids it is off by up to 3°, and
-//! the overlap is too large by 1e-4 to 1e-3 of the size, however small it is (ratio 5 %). A pair whose clearance is less than
-//! that error is reported as touching: this *spurious contact* is part of the method. Choose the
-//! common-normal method for smooth shapes, EPA for accuracy with sharp ones.
+//! It is for every convex shape, and it is the method of the paper that this code reproduces. It costs less than EPA, but its normal is
+//! not the common normal: for 1:2 ellipsoids it is off by up to 3°. The overlap is too large by 1e-4 to 1e-3 of the size, however small
+//! it is (ratio 5 %). A pair whose clearance is less than that error is reported as touching: this *spurious contact* is part of the
+//! method. The common-normal method is better for smooth shapes, and EPA is more accurate for sharp ones.
 
 use super::gjk::{Difference, Separation, separate};
 use super::{ContactResolver, Outcome, Posed, Touch, Why, touch_along};
@@ -17,26 +16,31 @@ use serde::{Deserialize, Serialize};
 pub struct ErodedGjk {
     /// Both bodies are scaled about their centres by `1 - ratio`.
     pub ratio: f64,
-    /// Added to the ratio until the scaled bodies are apart.
+    /// Increment of the ratio, added until the scaled bodies are apart.
     pub increment: f64,
-    /// Relative duality gap of the distance at which GJK stops. The direction's error goes with its square
-    /// root; so does the overlap's, as the direction is not that of least overlap.
+    /// Relative duality gap of the distance at which GJK stops.
+    ///
+    /// The errors of direction and overlap grow with its square root, as the direction is not that of least overlap.
     pub tolerance: f64,
-    /// Bodies that are apart and whose overlap comes out positive do touch. If not, as the paper's two steps "GJK +
-    /// GJK-erosion" imply, the force jumps at touch: packings lose weak contacts and never come to rest.
+    /// Whether bodies that are apart, but have a positive overlap by this method, touch.
+    ///
+    /// Without spurious contacts, as in the paper's two steps "GJK + GJK-erosion", the force jumps at touch. Packings then lose weak contacts
+    /// and never come to rest.
     pub spurious: bool,
 }
 
 impl Default for ErodedGjk {
-    /// The paper's 5 % and 1 %. With a tolerance of 1e-4, overlaps would jump from step to step by 1e-5 of the size, a
-    /// tenth of those in a packing, and keep it shaking; this one costs a tenth more time.
+    /// The paper's 5 % and 1 %, and a tolerance of 1e-6.
+    ///
+    /// With a tolerance of 1e-4, overlaps would jump between steps by 1e-5 of the size, a tenth of those in a packing, and keep it shaking.
+    /// The finer tolerance costs a tenth more time.
     fn default() -> Self {
         Self { ratio: 0.05, increment: 0.01, tolerance: 1e-6, spurious: true }
     }
 }
 
 impl ErodedGjk {
-    /// A smaller increment would not end.
+    /// Least increment; with a smaller one the loop would not end.
     pub const LEAST_INCREMENT: f64 = 1e-4;
 }
 
@@ -49,8 +53,8 @@ impl ContactResolver for ErodedGjk {
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
         let m = Difference::new(a, b, r);
         // With distance D of the cores, the overlap along their direction n is
-        // ratio (h_A(n) + h_B(-n)) - D <= ratio · reach - D. GJK's direction is the best but for
-        // its tolerance, so that beyond this distance the overlap it would find is negative.
+        // ratio (h_A(n) + h_B(-n)) - D <= ratio · reach - D. GJK's direction is the best within its tolerance, so beyond this distance
+        // the overlap is negative.
         let beyond = |ratio: f64| ratio * m.reach / (1.0 - self.tolerance);
         let squared = m.r.norm_squared();
         if squared > m.reach * m.reach {
@@ -63,14 +67,14 @@ impl ContactResolver for ErodedGjk {
         }
         let start = warm.unwrap_or(&m.r);
         let mut ratio = self.ratio;
-        // A core thinner than half an increment is a point but for rounding.
+        // A core thinner than half an increment is a point within rounding.
         while 1.0 - ratio > 0.5 * self.increment {
             match separate(&m.eroded(ratio), start, self.tolerance, beyond(ratio)) {
-                // Near touch the direction decides, which moves with the bodies: nothing is certain.
+                // Near touch the direction decides, and it moves with the bodies: no clearance is certain.
                 Separation::Apart(normal) => {
                     let touch = touch_along(a, b, r, &normal);
                     return match touch.outcome() {
-                        // The contact point of most bodies that touch is in both, which is soonest seen.
+                        // The contact point of most touching bodies is in both of them, which is the fastest check.
                         Outcome::Touching(_) if !self.spurious && !m.holds(&touch.point) => {
                             if_intersecting(touch, separate(&m, start, 0.0, 0.0))
                         }
@@ -89,7 +93,7 @@ impl ContactResolver for ErodedGjk {
     }
 }
 
-/// What is left of a touch if only bodies that intersect may touch. If GJK cannot tell, nobody has.
+/// Result of a contact if only intersecting bodies may touch; failed if GJK cannot decide.
 fn if_intersecting(touch: Touch, told: Separation) -> Outcome {
     match told {
         Separation::Intersecting => Outcome::Touching(touch),
@@ -105,7 +109,7 @@ mod tests {
     use crate::math::{Mat3, Vec3};
     use crate::shape::{Ellipsoid, Shape, Sphere};
 
-    /// What GJK cannot tell is not said to be apart: the next of the chain must answer.
+    /// A pair that GJK cannot decide is not reported as apart: the next resolver of the chain must answer.
     #[test]
     fn unknown_is_not_apart() {
         let touch = Touch { overlap: 1e-3, normal: Vec3::x(), point: Vec3::x() };
@@ -116,8 +120,7 @@ mod tests {
         assert_eq!(if_intersecting(touch, Separation::Beyond(0.1)), Outcome::Apart(0.0));
     }
 
-    /// Pairs rejected early are those that the rule itself rejects: touching or not is decided by the
-    /// overlap along the direction of the eroded bodies.
+    /// Pairs rejected early are those that the rule rejects: the overlap along the direction of the eroded bodies decides.
     #[test]
     fn early_rejection_follows_the_rule() {
         let method = ErodedGjk::default();
@@ -128,7 +131,7 @@ mod tests {
             let ([frame, other], toward) = orientations(k);
             let a = Posed::new(&shape, &frame);
             let b = Posed::new(&shape, &other);
-            // About the size of the spurious overlaps, on both sides.
+            // About the size of the spurious overlaps, of both signs.
             let clearance = 0.01 * (0.9 * k).sin();
             let r = a.support(&toward) - b.support(&-toward) + toward * clearance;
             let m = Difference::new(&a, &b, &r);
@@ -145,7 +148,7 @@ mod tests {
         assert!(met[0] > 1000 && met[1] > 1000, "{met:?} of each are a poor test");
     }
 
-    /// Only bodies that do touch, and of them all.
+    /// Without spurious contacts, all bodies that overlap touch, and no others.
     #[test]
     fn spurious_contacts_can_be_left_out() {
         let method = ErodedGjk::default();
@@ -170,7 +173,7 @@ mod tests {
         assert!(met > 250, "{met} spurious contacts are a poor test");
     }
 
-    /// Cores that touch within rounding, at which GJK has no direction, are eroded further.
+    /// Cores that touch within rounding, for which GJK has no direction, are eroded further.
     #[test]
     fn cores_that_just_touch() {
         let method = ErodedGjk::default();

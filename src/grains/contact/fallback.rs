@@ -1,8 +1,7 @@
-//! Resolvers in a row: what one cannot tell goes to the next.
+//! Chains of resolvers: a pair that one resolver cannot resolve goes to the next.
 //!
-//! A contact that is lost because a solver gave up is a force that is lost. Every stage that fails says
-//! so, the next one answers, and the tally shows how often: a run whose first stage is often passed over
-//! should choose another method.
+//! A contact lost because a solver failed is a lost force. The tally counts the pairs that each fallback resolved. A run whose
+//! first stage fails often should choose another method.
 
 use super::{Batch, ContactResolver, Definition, Found, Outcome, Posed, Tally, Why};
 use crate::math::Vec3;
@@ -14,7 +13,7 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// Asks `first`, then `fallbacks` in their order.
+    /// A chain that tries `first`, then `fallbacks` in order.
     ///
     /// # Panics
     /// If there are more fallbacks than a [`Tally`] counts.
@@ -40,7 +39,7 @@ impl ContactResolver for Chain {
     }
 
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
-        // No method can do anything with such a position, and some would say "apart".
+        // No method can use such a position, and some would report the bodies as apart.
         if !r.iter().all(|x| x.is_finite()) {
             return Outcome::Failed(Why::NotFinite);
         }
@@ -77,7 +76,7 @@ mod tests {
     use crate::math::{Mat3, Vec3};
     use crate::shape::{Shape, Sphere};
 
-    /// Gives up on every pair.
+    /// Fails for every pair.
     struct Helpless;
 
     impl ContactResolver for Helpless {

@@ -1,15 +1,14 @@
-//! The distance of two convex bodies from their support points alone: GJK.
+//! Distance of two convex bodies by GJK, from their support points alone.
 //!
-//! Gilbert, Johnson and Keerthi (1988), DOI 10.1109/56.2083, with the signed-volumes sub-distance of
-//! Montanari, Petrinic and Barbieri (2017), DOI 10.1145/3083724: corners are kept by the signs of
-//! volumes, which stay right for the flat simplices at the end of the iteration. It needs nothing of a
-//! shape but its support point, and converges linearly for round bodies: where curvature is known,
-//! the common-normal method is faster and far more accurate.
+//! Gilbert, Johnson and Keerthi (1988), DOI 10.1109/56.2083, with the signed-volumes sub-distance of Montanari, Petrinic and Barbieri
+//! (2017), DOI 10.1145/3083724. Corners are kept by the signs of volumes, which stay correct for the flat simplices at the end of the
+//! iteration. The method needs only support points. It converges linearly for round bodies; where curvature is known, the common-normal
+//! method is faster and far more accurate.
 //!
-//! For round bodies there is a faster way to the next support point: a secant through the last ones
-//! ([`secant`]). The bounds that end the iteration hold for any direction, so it cannot do harm.
+//! For round bodies a secant through the last support points gives the next one faster ([`secant`]). The bounds that end the iteration
+//! hold for any direction, so secants cannot cause a wrong answer.
 //!
-//! The answer is one of three things that must never be mixed up: apart, intersecting, or not known.
+//! The answer is one of three that must not be confused: apart, intersecting, or not known.
 
 use super::{Posed, count_direction, unit_of_length};
 use crate::math::{Mat3, Vec3};
@@ -17,24 +16,26 @@ use crate::shape::Shape;
 
 /// Rounding of a difference of support points, in units of the pair's length.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
-/// Ellipsoids take 10 to 25 supports.
+/// Iteration limit: ellipsoids take 10 to 25 supports.
 const ITERATIONS: u32 = 200;
 
-/// A stalled iteration is believed if its relative duality gap is below this: the direction is then good to
-/// 1e-5, which is still far better than what erosion itself costs.
+/// Relative duality gap below which a stalled iteration is accepted.
+///
+/// The direction is then accurate to 1e-5, far better than the error of erosion itself.
 const STALLED: f64 = 1e-10;
 
-/// Closer than this [units] a stalled iteration calls the bodies intersecting. Whoever asked then looks
-/// deeper: erosion with smaller bodies, EPA with bounds of its own.
+/// Distance below which a stalled iteration reports the bodies as intersecting [units].
+///
+/// The caller then continues: erosion with smaller bodies, EPA with its own bounds.
 const KISSING: f64 = 1e-8;
 
-/// A secant should bring the gap between the bounds below this part of the last.
+/// Part of the last gap between the bounds below which a secant must bring it.
 const WORTHWHILE: f64 = 0.25;
 
-/// How a body gives its support points.
+/// Source of a body's support points.
 #[derive(Clone, Copy)]
 enum Support<'a> {
-    /// Of an ellipsoid, `M Mᵀ n / |Mᵀ n|`: the columns of `M` are its semi-axes in the world [m].
+    /// An ellipsoid, `M Mᵀ n / |Mᵀ n|`: the columns of `M` are its semi-axes in the world [m].
     Ellipsoid(Mat3),
     Body(&'a Posed<'a>),
     /// The body without its margin.
@@ -68,26 +69,27 @@ impl<'a> Support<'a> {
     }
 }
 
-/// The Minkowski difference A − B of two bodies in place, in units of the pair's length: the bodies
-/// intersect if it holds the origin, and are otherwise as far apart as it is from the origin.
+/// The Minkowski difference A − B of two bodies in place, in units of the pair's length.
+///
+/// The bodies intersect if it contains the origin. Otherwise their distance is that of the difference from the origin.
 #[derive(Clone, Copy)]
 pub(super) struct Difference<'a> {
     bodies: [&'a Posed<'a>; 2],
     supports: [Support<'a>; 2],
-    /// From the centre of A to the centre of B.
+    /// Vector from the centre of A to the centre of B.
     pub(super) r: Vec3,
     /// Sum of the bounding radii.
     pub(super) reach: f64,
     /// The unit of length [m].
     pub(super) unit: f64,
-    /// Both bodies are scaled about their centres by this.
+    /// Factor by which both bodies are scaled about their centres.
     scale: f64,
-    /// Neither body has edges or faces, where support points jump.
+    /// Whether neither body has edges or faces, where support points jump.
     pub(super) is_smooth: bool,
 }
 
 impl<'a> Difference<'a> {
-    /// Of two bodies with `r` [m] from the centre of A to the centre of B.
+    /// The difference of two bodies with `r` [m] from the centre of A to the centre of B.
     pub(super) fn new(a: &'a Posed<'a>, b: &'a Posed<'a>, r: &Vec3) -> Self {
         let (radius_a, radius_b) = (a.bounding_radius(), b.bounding_radius());
         let unit = unit_of_length(radius_a, radius_b);
@@ -98,24 +100,24 @@ impl<'a> Difference<'a> {
         Self { bodies, supports, r: r * per_metre, reach, unit, scale: per_metre, is_smooth }
     }
 
-    /// The same with both bodies scaled about their centres by `1 - ratio`.
+    /// Copy with both bodies scaled about their centres by `1 - ratio`.
     pub(super) fn eroded(&self, ratio: f64) -> Self {
         Self { scale: (1.0 - ratio) / self.unit, ..*self }
     }
 
-    /// The same with both bodies without their margins.
+    /// Copy with both bodies without their margins.
     pub(super) fn cores(&self) -> Self {
         Self { supports: self.bodies.map(Support::Core), ..*self }
     }
 
-    /// The farthest point along `direction` (any length but zero).
+    /// Farthest point along `direction` (of any length but zero).
     #[inline]
     pub(super) fn support(&self, direction: &Vec3) -> Vec3 {
         let [a, b] = &self.supports;
         (a.along(direction) - b.along(&-direction)) * self.scale - self.r
     }
 
-    /// Is a point [m], seen from the centre of A, in both bodies as they are?
+    /// Whether a point [m], relative to the centre of A, is in both unscaled bodies.
     pub(super) fn holds(&self, point: &Vec3) -> bool {
         let [a, b] = self.bodies;
         a.contains(point) && b.contains(&(point - self.r * self.unit))
@@ -135,14 +137,13 @@ pub(super) struct Corner {
     pub(super) direction: Vec3,
 }
 
-/// The direction along which a support point `s(n)` would lie on the line of `n` itself, which is where the
-/// overlap or the distance has its extremum, if support points depended linearly on directions: the secant
-/// method in the two dimensions of directions near the unit vector `near`. On smooth bodies each use of it
-/// adds up the digits of the last two (Wolfe 1959, DOI 10.1145/368518.368542). `None` if the corners' directions
-/// are far from `near`, or the answer is.
+/// Direction by the secant method, in the two dimensions of directions near the unit vector `near`.
+///
+/// At the extremum of overlap or distance, the support point `s(n)` lies on the line of `n`. The secant assumes that support points
+/// depend linearly on directions. On smooth bodies each use adds the correct digits of the last two (Wolfe 1959,
+/// DOI 10.1145/368518.368542). The result is `None` if the directions of the corners, or the result, are far from `near`.
 pub(super) fn secant(corners: &[Corner; 3], near: &Vec3) -> Option<Vec3> {
-    // Directions of height 1 above the plane across `near`, and what their support points lack in that
-    // plane.
+    // Directions of height 1 above the plane across `near`, and the deviations of their support points from these lines in that plane.
     let mut lacking = [Vec3::zeros(); 3];
     let mut directions = [Vec3::zeros(); 3];
     for (k, corner) in corners.iter().enumerate() {
@@ -159,31 +160,32 @@ pub(super) fn secant(corners: &[Corner; 3], near: &Vec3) -> Option<Vec3> {
     let [p, q, s] = directions;
     let sum = (p * parts[0] + q * parts[1]) + s * parts[2];
     let direction = sum / whole;
-    // Of height 1: at most 45° away. A triangle without area gives no number.
+    // With height 1, at most 45° away. For a triangle without area this is NaN, and the result `None`.
     (direction.norm_squared() < 2.0).then_some(direction)
 }
 
-/// What GJK found.
+/// Result of GJK.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Separation {
-    /// Apart: the unit vector from A to B along the shortest distance.
+    /// Apart, with the unit vector from A to B along the shortest distance.
     Apart(Vec3),
-    /// Farther apart than was asked for: at least this far [units].
+    /// Farther apart than the given limit, with a lower bound of the distance [units].
     Beyond(f64),
     /// The bodies share a point, or come so close that rounding decides.
     Intersecting,
-    /// The iteration stalled or ran out: nothing is known.
+    /// The iteration stalled or reached its limit: nothing is known.
     NotConverged,
 }
 
-/// Tells how two bodies lie to each other. `start` is a guess of the direction from A to B, of any length
-/// but zero; the iteration ends when the distance is known to the relative `tolerance` (no finer than
-/// rounding), or as soon as it is certainly more than `beyond` [units].
+/// Separation of two bodies.
+///
+/// `start` is a guess of the direction from A to B, of any length but zero. The iteration ends when the distance is known to the relative
+/// `tolerance` (no finer than rounding), or is certainly more than `beyond` [units].
 pub(super) fn separate(m: &Difference, start: &Vec3, tolerance: f64, beyond: f64) -> Separation {
     enclose(m, start, tolerance, beyond).0
 }
 
-/// The same, with the simplex at the end: if it has four corners, the origin is among them.
+/// `separate` with the last simplex: if that has four corners, it contains the origin.
 pub(super) fn enclose(
     m: &Difference,
     start: &Vec3,
@@ -194,14 +196,14 @@ pub(super) fn enclose(
     let mut simplex = Simplex { corners: [first; 4], count: 1 };
     let mut answer = simplex.search(m, tolerance, beyond, m.is_smooth);
     if answer == Separation::NotConverged && m.is_smooth {
-        // Secants may have led to corners so near each other that nothing can be told from them.
+        // Secants may have led to corners so close to each other that they determine nothing.
         simplex = Simplex { corners: [first; 4], count: 1 };
         answer = simplex.search(m, tolerance, beyond, false);
     }
     (answer, simplex)
 }
 
-/// One to four corners around the part of the difference nearest to the origin; the newest is last.
+/// One to four corners around the point of the difference nearest to the origin; the newest is last.
 pub(super) struct Simplex {
     corners: [Corner; 4],
     count: usize,
@@ -211,12 +213,12 @@ pub(super) struct Simplex {
 struct Nearest {
     point: Vec3,
     squared: f64,
-    /// Its barycentric coordinates; zero for corners that it does not need.
+    /// Barycentric coordinates; zero for corners that are not needed.
     weights: [f64; 4],
 }
 
 impl Nearest {
-    /// Not yet found.
+    /// No point yet.
     fn nowhere() -> Self {
         Self { point: Vec3::repeat(f64::INFINITY), squared: f64::INFINITY, weights: [0.0; 4] }
     }
@@ -235,9 +237,9 @@ impl Simplex {
         (self.count == 4).then_some(&self.corners)
     }
 
-    /// Starts from one corner; with secants or without.
+    /// Searches from one corner, with or without secants.
     fn search(&mut self, m: &Difference, tolerance: f64, beyond: f64, secants: bool) -> Separation {
-        // A bound within rounding of the limit says nothing.
+        // A bound within rounding of the limit is inconclusive.
         let certain = beyond + ROUNDING;
         let Corner { point: first, direction: start } = self.corners[0];
         let along = -start.dot(&first);
@@ -268,11 +270,11 @@ impl Simplex {
             if gap <= tolerance * squared + ROUNDING * distance {
                 return Separation::Apart(direction / length);
             }
-            // A guess that brought little is not followed by another.
+            // A secant with little progress is not followed by another.
             let has_paid = !guessed || gap < WORTHWHILE * last_gap;
             last_gap = gap;
             if guessed && nearest.dot(&corner.point) >= squared {
-                // Not beyond the simplex: the textbook's direction is next.
+                // Not beyond the simplex: the standard direction of GJK is next.
                 continue;
             }
             let before = (self.corners, self.count);
@@ -286,10 +288,10 @@ impl Simplex {
                     guess = secant(&[*p, *q, *s], &(nearest / -squared.sqrt()));
                 }
             } else if guessed {
-                // Below the resolution of the simplex: the textbook's direction may not be.
+                // Below the resolution of the simplex: the standard direction may still make progress.
                 (self.corners, self.count) = before;
             } else if gap <= STALLED * squared {
-                // No progress, below the resolution of the simplex, but the bounds are close.
+                // No progress below the resolution of the simplex, but the bounds are close.
                 return Separation::Apart(nearest / -distance);
             } else if distance <= KISSING {
                 return Separation::Intersecting;
@@ -300,8 +302,7 @@ impl Simplex {
         Separation::NotConverged
     }
 
-    /// Drops the corners that the point nearest to the origin does not need, and returns the point;
-    /// `None` if the origin is inside.
+    /// Drops the corners that the point nearest to the origin does not need, and returns the point; `None` if the origin is inside.
     fn reduce(&mut self) -> Option<Vec3> {
         let nearest = match self.count {
             2 => self.on_segment(0, 1),
@@ -339,8 +340,9 @@ impl Simplex {
         Nearest { point, squared: point.norm_squared(), weights }
     }
 
-    /// Compares the signed areas that the foot of the origin makes with the edges, each times the
-    /// triangle's own: triple products that do not need the foot.
+    /// Point of a triangle nearest to the origin, by the signed areas that the foot of the origin makes with the edges.
+    ///
+    /// Each area is multiplied by that of the triangle. These triple products do not need the foot.
     fn on_triangle(&self, i: usize, j: usize, k: usize) -> Nearest {
         let [p, q, s] = [i, j, k].map(|corner| self.corners[corner].point);
         let (pq, qs) = (q - p, s - q);
@@ -364,14 +366,15 @@ impl Simplex {
         best
     }
 
-    /// Compares signed volumes: the origin is inside if the volume with any corner moved to the origin has
-    /// the sign of the whole. `None` if it is inside.
+    /// Point of the tetrahedron nearest to the origin; `None` if the origin is inside.
+    ///
+    /// The origin is inside if the signed volume with each corner moved to the origin has the sign of the whole.
     #[inline]
     fn in_tetrahedron(&self) -> Option<Nearest> {
         let [p, q, s, t] = self.corners.map(|corner| corner.point);
         let (pq, st) = (p.cross(&q), s.cross(&t));
         let parts = [q.dot(&st), -p.dot(&st), pq.dot(&t), -pq.dot(&s)];
-        // From edges: of a small tetrahedron far away, the sum of the parts would be all rounding.
+        // From edges: for a small tetrahedron far away, the sum of the parts would be rounding only.
         let whole = (q - p).dot(&(s - p).cross(&(t - p)));
         let same_side =
             |part: f64| if whole > 0.0 { part > 0.0 } else { part < 0.0 && whole < 0.0 };
@@ -379,7 +382,7 @@ impl Simplex {
             return None;
         }
         let mut best = Nearest::nowhere();
-        // The newest corner has the last face behind it: that face was the simplex before.
+        // The face opposite the newest corner needs no check: it was the simplex before.
         for (part, i, j) in [(parts[0], 1, 2), (parts[1], 0, 2), (parts[2], 0, 1)] {
             if !same_side(part) {
                 best.improve(self.on_triangle(i, j, 3));
@@ -412,7 +415,7 @@ mod tests {
         let Separation::Apart(n) = between(&sphere(1.0), &sphere(1.5), r, f64::INFINITY) else {
             panic!("a clearance of 0.5 was not seen")
         };
-        // The direction is known to the square root of the tolerance.
+        // The error of the direction is the square root of the tolerance.
         assert!((n - r / 3.0).norm() < 2e-6, "{n}");
     }
 

@@ -1,8 +1,7 @@
-//! A convex shape against a plane facet of a wall: the closed form.
+//! Closed form of a convex shape against a plane facet of a wall.
 //!
-//! The normal is the wall's, so the support point against it is the deepest point: exact for every
-//! shape that has a support function, and always chosen for this pair. Of an edge or a face that lies on the
-//! wall, the contact point is the centroid.
+//! The normal is that of the wall, and the deepest point is the support point against it. This is exact for every shape with a
+//! support function. Where an edge or a face lies on the wall, the contact point is the centroid.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -16,8 +15,9 @@ use crate::lanes::{Eight, Gather, WIDTH};
 use crate::math::Vec3;
 use crate::shape::{HalfSpace, Shape};
 
-/// Resolves any convex shape (A) against a half-space (B). The relative position runs from the
-/// centre of A to the reference point of the wall; the plane lies in the axes of the wall.
+/// Resolver of any convex shape (A) against a half-space (B).
+///
+/// The relative position points from the centre of A to the reference point of the wall. The plane is given in the axes of the wall.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct AgainstHalfSpace;
 
@@ -54,7 +54,7 @@ impl ContactResolver for AgainstHalfSpace {
     }
 }
 
-/// Of spheres as large as their shapes.
+/// For spheres at a scale of 1.
 impl ClosedForm for AgainstHalfSpace {
     #[inline(always)]
     fn touch_eight<L: Eight>(bodies: &Bodies, [of_a, of_b]: [Gather; 2]) -> Touches<L> {
@@ -72,7 +72,7 @@ impl ClosedForm for AgainstHalfSpace {
     }
 }
 
-/// The normal of a facet into its wall, and how far in front of the wall's reference point its plane lies [m].
+/// Normal of a facet into its wall, and distance of its plane in front of the wall's reference point [m].
 #[inline]
 fn plane_of(bodies: &Bodies, slot: usize) -> (Vec3, f64) {
     let slot = Slot(slot as u32);
@@ -94,7 +94,7 @@ mod tests {
     use crate::random::Random;
     use crate::shape::{HalfSpace, Shape, Sphere};
 
-    /// What is found, in the order of the pairs.
+    /// Results in the order of the pairs.
     fn sorted(found: &Found) -> (Vec<String>, [usize; 3]) {
         let Found { contacts, apart, failed, .. } = found;
         let touching = contacts.iter().map(|c| (c.pair, format!("{:?}", c.touch)));
@@ -106,7 +106,7 @@ mod tests {
         (text, [contacts.len(), apart.len(), failed.len()])
     }
 
-    /// With and without vector registers, of two sizes, facets that are turned, and where no number is.
+    /// With and without vector registers, for two sizes, rotated facets and a position that is not a number.
     #[test]
     fn lanes_say_what_one_sphere_is_told() {
         let plane = |normal: Vec3, offset| Shape::HalfSpace(HalfSpace { normal, offset });

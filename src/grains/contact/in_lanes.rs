@@ -5,20 +5,20 @@
 use super::{Batch, Bodies, ContactResolver, Found, resolve_one};
 use crate::lanes::{self, Eight, Gather, Kernel, Triple, WIDTH};
 
-/// What such a resolver does with a batch. To be inlined always.
+/// Resolution of a batch in lanes. To be inlined always.
 pub(super) trait InLanes {
     /// Resolves the active pairs of a batch.
     fn resolve_eights<L: Eight>(&self, batch: &Batch, found: &mut Found);
 }
 
-/// Touches of eight pairs.
+/// Contact geometries of eight pairs.
 pub(super) struct Touches<L> {
-    /// Which of them touch; the others are apart, unless their overlap is positive or no number.
+    /// Bit mask of the touching lanes; the others are apart, unless their overlap is positive or NaN.
     pub(super) touching: u8,
-    /// In metres.
+    /// Overlaps [m].
     pub(super) overlap: L,
     pub(super) normal: Triple<L>,
-    /// Seen from the centres of A [m].
+    /// Contact points relative to the centres of A [m].
     pub(super) point: Triple<L>,
 }
 
@@ -37,7 +37,7 @@ impl<R: ClosedForm> InLanes for R {
             let touches = R::touch_eight::<L>(&batch.bodies, slots.picked(eight, &mut room));
             let others = found.note_eight(eight, &touches);
             if others != 0 {
-                // Rare: one alone says why.
+                // Rare: resolved alone to get the reason.
                 for (lane, &pair) in eight.iter().enumerate() {
                     if others >> lane & 1 == 1 {
                         found.note(pair, resolve_one(self, batch, pair));
@@ -68,7 +68,7 @@ impl<R: InLanes> Kernel for Resolution<'_, '_, R> {
     }
 }
 
-/// The radii of spheres [m].
+/// Radii of spheres [m].
 #[inline(always)]
 pub(super) fn sphere_radii<L: Eight>(bodies: &Bodies, slots: Gather) -> L {
     let Bodies { shape, curvature_radius, scale, .. } = bodies;

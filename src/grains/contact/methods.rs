@@ -1,4 +1,4 @@
-//! Which resolver serves which pair: the one place that names them all.
+//! Resolvers by pair of kinds: the one place that names all of them.
 
 use super::{
     AgainstHalfSpace, AgainstTriangleMesh, Chain, CommonNormal, ContactResolver, Cores, Epa,
@@ -8,13 +8,16 @@ use super::{
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
 
-/// How pairs without a closed form are resolved.
+/// Resolution of pairs without a closed form.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Method {
-    /// [`Overlap`] for two shapes with faces or with straight sides, and for one on a plane, [`OverlapWithSurface`] for one on
-    /// triangles. Of others [`CommonNormal`] for two smooth shapes,
-    /// [`Cores`] if one of them has a margin, [`Epa`] for all the rest: beside an edge, erosion takes more of a polyhedron
-    /// than the overlap is wide, and answers with another direction.
+    /// Default choice by pair:
+    ///
+    /// - [`Overlap`] for two shapes with faces or straight sides, and for one on a plane; [`OverlapWithSurface`] for one on triangles;
+    /// - [`CommonNormal`] for two smooth shapes;
+    /// - [`Cores`] if one of the two has a margin;
+    /// - [`Epa`] for all others. Erosion is not used there: beside an edge it removes more of a polyhedron than the width of the
+    ///   overlap and gives another direction.
     #[default]
     Auto,
     /// [`CommonNormal`]; for smooth shapes only. Other pairs are resolved as by `Auto`.
@@ -26,7 +29,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// As the scene file and reports name it.
+    /// Name in the scene file and in reports.
     pub const fn name(&self) -> &'static str {
         match self {
             Self::Auto => "auto",
@@ -36,16 +39,16 @@ impl Method {
         }
     }
 
-    /// Does it find what two shapes of these kinds share, and not how deep they are in each other?
+    /// Whether the method computes the thickness of the shared volume for these kinds, and not a depth.
     pub fn is_by_thickness(&self, (a, b): (Kind, Kind)) -> bool {
         let is_extended = a.extended()[0] & b.extended()[1] != 0;
         is_extended && matches!(self, Self::Auto | Self::CommonNormal)
     }
 
-    /// The method for pairs of two kinds, with something to fall back on.
+    /// Resolver with fallbacks for pairs of two kinds.
     fn chain(&self, a: Kind, b: Kind) -> Chain {
-        // A tight tolerance asks too much of a continuum of normals, as of crossed cylinders; and an overlap that
-        // is too large by what erosion costs is better than a run that ends.
+        // A tight tolerance cannot be met for a continuum of normals, as of crossed cylinders. An overlap that is too large by
+        // the error of erosion is better than a run that ends.
         let last_resorts = || -> Vec<Box<dyn ContactResolver>> {
             vec![
                 Box::new(Epa::new(1e-10)),
@@ -77,19 +80,21 @@ impl Method {
     }
 }
 
-/// Do the resolvers of [`table`] want the matrices of ellipsoids in place ([`super::Bodies::form`])?
+/// Whether the resolvers of [`table`] need the matrices of ellipsoids in place ([`super::Bodies::form`]).
 pub fn needs_form(method: &Method, kinds: &[Kind]) -> bool {
     matches!(method, Method::Auto | Method::CommonNormal) && kinds.contains(&Kind::Ellipsoid)
 }
 
-/// The resolvers for all pairs of the kinds that a scene has, all of which find a depth. Spheres with each other and
-/// everything with a wall have closed forms, whatever the method; walls do not meet each other.
+/// Resolvers for all pairs of the kinds in a scene, all of which compute a depth.
+///
+/// Two spheres, and anything with a wall, have closed forms whatever the method. Walls do not meet each other.
 pub fn table(method: &Method, kinds: &[Kind]) -> Table {
     table_of(kinds, |a, b| by_depth(method, a, b))
 }
 
-/// The same for laws that know of patches: of bodies with faces or straight sides the thickness of what they share, unless
-/// a method is asked for by name.
+/// Resolvers for laws that use patches: those of [`table`], except for bodies with faces or straight sides.
+///
+/// For these they compute the thickness of the shared volume, unless a method is asked for by name.
 pub fn table_with_patches(method: &Method, kinds: &[Kind]) -> Table {
     table_of(kinds, |a, b| {
         let by_depth = by_depth(method, a, b);

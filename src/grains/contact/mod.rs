@@ -1,19 +1,22 @@
-//! Contact resolution: from two shapes in place to overlap, normal and contact point.
+//! Contact resolution: from two bodies in place to overlap, normal and contact point.
 //!
-//! The definition is the common normal. With `h` the support function of a body about its own
-//! centre and `r` from the centre of A to the centre of B, for every unit vector `n`
-//! `δ(n) = h_A(n) + h_B(-n) - n·r` bounds the overlap from above, and
-//! **overlap = min δ(n)** over all `n`; the normal is the minimiser, from A to B; `P_A`, `P_B` are
-//! the support points, and the contact point is the middle of the segment between them (of the centroid of
-//! all such segments, where edges or faces touch along more than a point).
-//! All geometry works on `r`, never on positions: a pair 10⁶ sizes from the origin loses nothing.
+//! The overlap is defined by the common normal. `h` is the support function of a body about its own centre, and `r` points from
+//! the centre of A to the centre of B. For every unit vector `n`, `δ(n) = h_A(n) + h_B(-n) - n·r` is an upper bound of the overlap:
 //!
-//! Two bodies with faces, and one on a plane or on triangles, have another definition unless a method is asked for by name: the thickness of
-//! what they share stands for the overlap, its gradient for the normal, and a [`Patch`] goes with each contact
+//! - **overlap = min δ(n)** over all `n`;
+//! - the normal is the minimiser, from A to B;
+//! - `P_A` and `P_B` are the support points along the normal;
+//! - the contact point is the middle of the segment between them. Where edges or faces touch along more than a point, it is the
+//!   centroid of all such segments.
+//!
+//! All geometry works on `r`, never on positions, so a pair 10⁶ sizes from the origin loses no digits.
+//!
+//! Two bodies with faces, and such a body on a plane or on triangles, have another definition unless a method is asked for by
+//! name. The thickness of the shared volume is the overlap, its gradient gives the normal, and a [`Patch`] comes with each contact
 //! ([`thickness`]).
 //!
-//! A resolver works on a batch of pairs of one pair of kinds: one virtual call per batch. Each
-//! pair brings the normal of its last touch, if it touched, as a warm start.
+//! A resolver works on a batch of pairs of one pair of kinds, with one virtual call per batch. A pair that touched at the last
+//! step brings its last normal as a warm start.
 
 mod clearance;
 mod common_normal;
@@ -69,17 +72,17 @@ pub struct Touch {
     pub overlap: f64,
     /// Unit normal from A to B.
     pub normal: Vec3,
-    /// Contact point seen from the centre of A [m].
+    /// Contact point relative to the centre of A [m].
     pub point: Vec3,
 }
 
 impl Touch {
-    /// A contact if the overlap is positive, and nothing to be trusted if it is not a number.
+    /// Outcome of this geometry: touching if the overlap is positive, failed if it is not a number.
     fn outcome(self) -> Outcome {
         if self.overlap > 0.0 {
             Outcome::Touching(self)
         } else if self.overlap <= 0.0 {
-            // Any direction bounds the distance from below.
+            // `δ` along any direction bounds the distance from below.
             Outcome::Apart(-self.overlap)
         } else {
             Outcome::Failed(Why::NotFinite)
@@ -89,26 +92,26 @@ impl Touch {
 
 /// Mean distance of the points of a disc from its axis over its radius of gyration: `2√2/3`.
 const ON_A_DISC: f64 = 0.942_809_041_582_063_4;
-/// The part by which that of a line, `√3/2`, is less.
+/// Difference of that ratio between a disc and a line, on which it is `√3/2`, as a part of the ratio on a disc.
 const LESS_ON_A_LINE: f64 = 0.081_441_346_456_308_4;
 
-/// What a contact of faces has beside overlap, normal and point, see [`overlap`](thickness).
+/// Additional data of a contact between bodies with faces, see [`overlap`](thickness).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
-    /// Force over the derivative of the energy by the overlap [-].
+    /// Force over the derivative of the energy with respect to the overlap [-].
     pub gain: f64,
-    /// Moment of A on B about the point over that derivative [m].
+    /// Moment of A on B about the contact point, over the same derivative [m].
     pub lever: Vec3,
-    /// Covariance of what both bodies hold, in world axes: xx, yy, zz, yz, xz, xy [m²].
+    /// Covariance of the shared volume, in world axes: xx, yy, zz, yz, xz, xy [m²].
     pub covariance: [f64; 6],
 }
 
 impl Patch {
-    /// That of a contact in one point.
+    /// Patch of a contact in one point.
     pub const POINT: Self =
         Self { gain: 1.0, lever: Vec3::new(0.0, 0.0, 0.0), covariance: [0.0; 6] };
 
-    /// The covariance times a vector.
+    /// Product of the covariance and a vector.
     pub fn times(&self, v: &Vec3) -> Vec3 {
         let [xx, yy, zz, yz, xz, xy] = self.covariance;
         Vec3::new(
@@ -118,8 +121,9 @@ impl Patch {
         )
     }
 
-    /// Mean distance from a unit vector through the middle [m], from the covariance alone: `2√2/3` of the radius of gyration about
-    /// it on a disc, `√3/2` on a line, and within 0.9 % of it on rectangles.
+    /// Mean distance of the patch from an axis through its middle [m], from the covariance alone.
+    ///
+    /// It is `2√2/3` of the radius of gyration on a disc and `√3/2` of it on a line. On rectangles it is within 0.9 % of the exact value.
     pub fn mean_distance(&self, axis: &Vec3) -> f64 {
         let [xx, yy, zz, yz, xz, xy] = self.covariance;
         let trace = xx + yy + zz - axis.dot(&self.times(axis));
@@ -138,81 +142,80 @@ impl Patch {
             ..*self
         };
         let determinant = axis.dot(&adjugate.times(axis));
-        // Of the two principal variances, their difference over their sum.
+        // Difference of the two principal variances over their sum.
         let long = (1.0 - 4.0 * determinant / (trace * trace)).clamp(0.0, 1.0).sqrt();
         ON_A_DISC * trace.sqrt() * (1.0 - LESS_ON_A_LINE * long * long * long)
     }
 }
 
-/// What a resolver says of a pair.
+/// Result of a resolver for one pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// The bodies do not touch, and will not while their surfaces have come nearer by less than this [m]
-    /// (0 if nobody knows).
+    /// The bodies do not touch, and cannot touch before their surfaces have come nearer by this distance [m] (0 if unknown).
     Apart(f64),
-    /// They overlap.
+    /// The bodies overlap.
     Touching(Touch),
-    /// This resolver cannot tell: the next of the chain must. Never means "no contact".
+    /// The resolver cannot decide, and the next one of the chain must. This never means "no contact".
     Failed(Why),
 }
 
-/// Why a resolver gave up.
+/// Reason why a resolver failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Why {
     /// The iteration limit was reached.
     NoConvergence,
     /// The centres coincide, or the bodies are so deep in each other that the method has no answer.
     TooDeep,
-    /// A number that is not finite came in or out.
+    /// An input or a result is not finite.
     NotFinite,
     /// A body has edges, and the method needs curvature.
     NotSmooth,
 }
 
-/// A body in place: its shape, the rotation from its own frame to the world, and its size.
+/// A body in place: shape, rotation from its own frame to the world, and size.
 ///
-/// All lengths of the body are those of the shape times the scale. A scale of 1 changes no bit.
+/// Lengths of the body are those of the shape times the scale. A scale of 1 changes no bit.
 #[derive(Clone, Copy, Debug)]
 pub struct Posed<'a> {
-    /// Its geometry at a scale of 1.
+    /// Geometry at a scale of 1.
     pub shape: &'a Shape,
     /// Columns are the body's axes in the world.
     pub frame: &'a Mat3,
     /// Lengths of the body over those of the shape [-].
     pub scale: f64,
-    /// Which facet of a triangle mesh; 0 of all else.
+    /// Number of the facet of a triangle mesh; 0 for all other shapes.
     pub facet: u32,
 }
 
-/// Where a facet of a wall stands.
+/// A facet of a wall in place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FacetInPlace {
     /// Columns are the axes of the wall in the world.
     pub frame: Mat3,
-    /// Its number within the wall.
+    /// Number of the facet within the wall.
     pub number: u32,
 }
 
 impl<'a> Posed<'a> {
-    /// A body of the size of its shape.
+    /// A body at a scale of 1.
     #[inline]
     pub const fn new(shape: &'a Shape, frame: &'a Mat3) -> Self {
         Self { shape, frame, scale: 1.0, facet: 0 }
     }
 
-    /// Farthest point along `direction`, in world axes, seen from the body's centre [m].
+    /// Support point along `direction`, in world axes, relative to the body's centre [m].
     #[inline]
     pub fn support(&self, direction: &Vec3) -> Vec3 {
         self.frame * (self.shape.support(&self.frame.tr_mul(direction)) * self.scale)
     }
 
-    /// The same of what is left without the margin.
+    /// Support point of the core, which is the body without its margin [m].
     #[inline]
     pub fn core_support(&self, direction: &Vec3) -> Vec3 {
         self.frame * (self.shape.core_support(&self.frame.tr_mul(direction)) * self.scale)
     }
 
-    /// Is a point, in world axes and seen from the body's centre [m], in the body?
+    /// Whether a point in world axes, relative to the body's centre [m], is in the body.
     #[inline]
     pub fn contains(&self, point: &Vec3) -> bool {
         self.shape.contains(&(self.frame.tr_mul(point) / self.scale))
@@ -255,7 +258,7 @@ impl<'a> Posed<'a> {
         self.shape.form(self.frame).map(|entry| entry * square)
     }
 
-    /// What is flat of it.
+    /// Flat part of the body, see [`Core`].
     #[inline]
     pub(crate) fn core(&self) -> PosedCore<'a> {
         match self.shape.core() {
@@ -267,16 +270,16 @@ impl<'a> Posed<'a> {
         }
     }
 
-    /// Has it no edges, faces or segments?
+    /// Whether the body has no edges, faces or segments.
     #[inline]
     pub(crate) fn is_curved(&self) -> bool {
         matches!(self.shape.core(), Core::Curved)
     }
 }
 
-/// What is flat of a body, see [`Core`].
+/// Flat part of a body in place, see [`Core`].
 pub(crate) enum PosedCore<'a> {
-    /// Nothing.
+    /// No flat part.
     Curved,
     /// A segment: from its middle to one of its ends, in world axes [m].
     Segment(Vec3),
@@ -293,7 +296,7 @@ pub(crate) struct PosedHull<'a> {
 }
 
 impl PosedHull<'_> {
-    /// One of its vertices [m].
+    /// A vertex [m].
     #[inline]
     fn vertex(&self, index: usize) -> Vec3 {
         self.frame * (self.hull.vertices()[index] * self.scale)
@@ -304,12 +307,12 @@ impl PosedHull<'_> {
         self.hull.top(&self.frame.tr_mul(direction), depth / self.scale)
     }
 
-    /// How high a vertex is along a unit vector [m].
+    /// Height of a vertex along a unit vector [m].
     fn height(&self, index: usize, direction: &Vec3) -> f64 {
         self.hull.vertices()[index].dot(&self.frame.tr_mul(direction)) * self.scale
     }
 
-    /// The highest point along a direction [m].
+    /// Support point along a direction [m].
     fn support(&self, direction: &Vec3) -> Vec3 {
         self.frame * (self.hull.support(&self.frame.tr_mul(direction)) * self.scale)
     }
@@ -325,10 +328,10 @@ impl PosedHull<'_> {
     }
 }
 
-/// `δ(n)`, the bound that any direction gives, and the touch that goes with it (section 1.2 of the paper:
-/// support points on the original bodies, contact point in their middle). Where an edge or a face
-/// lies along the contact, many points are support points: the contact point is then the centroid of those
-/// that both bodies share.
+/// The bound `δ(n)` along a direction, with the contact point that belongs to it (section 1.2 of the paper).
+///
+/// The contact point is the middle of the support points on the original bodies. Where an edge or a face lies along the contact,
+/// it is the centroid of the support points that both bodies share.
 #[inline]
 pub fn touch_along(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Touch {
     let on_a = a.support(normal);
@@ -343,16 +346,16 @@ pub fn touch_along(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Touch {
     Touch { overlap, normal: *normal, point }
 }
 
-/// Where a sphere of this radius touches another body, seen from its centre: in the middle of the overlap [m].
+/// Contact point of a sphere of this radius, relative to its centre [m]: the middle of the overlap.
 #[inline]
 pub fn touch_of_sphere(radius: f64, normal: &Vec3, overlap: f64) -> Vec3 {
     normal * (radius - 0.5 * overlap)
 }
 
-/// A sphere and another or a plane across a gap between their surfaces [m]: the overlap is negative.
+/// Contact geometry of a sphere and another sphere or a plane across a gap between their surfaces [m]; the overlap is negative.
 ///
 /// # Panics
-/// If the bodies are others.
+/// If A is not a sphere.
 pub fn across_gap(bodies: &Bodies, pair: Pair, gap: f64) -> Touch {
     let Pair { a, b } = pair;
     let Shape::Sphere(sphere) = bodies.shape_of(a) else { panic!("only spheres outlive overlaps") };
@@ -364,11 +367,10 @@ pub fn across_gap(bodies: &Bodies, pair: Pair, gap: f64) -> Touch {
     Touch { overlap: -gap, normal, point: touch_of_sphere(radius, &normal, -gap) }
 }
 
-/// The unit of length of a pair [m]: the power of two at or below the longer of two lengths.
+/// Unit of length of a pair [m]: the power of two at or below the longer of two lengths.
 ///
-/// Iterative methods divide all lengths by it before they compare anything with a tolerance, so a
-/// tolerance means the same for grains of nanometres and of kilometres. A power of two changes no
-/// bit of a significand.
+/// Iterative methods divide all lengths by it before they compare with a tolerance. A tolerance thus means the same for particles
+/// of nanometres and of kilometres. Division by a power of two changes no bit of a significand.
 fn unit_of_length(a: f64, b: f64) -> f64 {
     const EXPONENT: u64 = 0x7ff << 52;
     let longer = if a < b { b } else { a };
@@ -385,44 +387,44 @@ pub struct Pair {
     pub b: Slot,
 }
 
-/// A pair that touches now.
+/// A touching pair.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// Its index in the batch's pairs.
+    /// Index of the pair in the batch.
     pub pair: u32,
-    /// Its geometry.
+    /// Geometry of the contact.
     pub touch: Touch,
 }
 
-/// Pairs that touch now, in columns.
+/// Touching pairs, in columns.
 #[derive(Clone, Debug, Default)]
 pub struct Touching {
-    /// Their indices in the batch's pairs.
+    /// Indices of the pairs in the batch.
     pub pair: Vec<u32>,
-    /// Their normals and overlaps.
+    /// Normals and overlaps.
     pub geometry: Vec<Geometry>,
-    /// Where each touches, seen from the centre of A [m]; none if they are left out.
+    /// Contact points relative to the centre of A [m]; empty if points are left out.
     pub point: Vec<Vec3>,
-    /// What else there is of contacts of faces; none if they are left out.
+    /// Patches of the contacts; empty if patches are left out.
     pub patch: Vec<Patch>,
-    /// Are points left out? Of spheres they follow from normal and overlap.
+    /// Whether points are left out. For spheres they follow from normal and overlap.
     pub without_points: bool,
-    /// Are patches there? Only bodies with faces have any.
+    /// Whether patches are kept. Contacts in one point do not need them.
     pub with_patches: bool,
 }
 
 impl Touching {
-    /// How many.
+    /// Number of contacts.
     pub const fn len(&self) -> usize {
         self.pair.len()
     }
 
-    /// Are there none?
+    /// Whether there are no contacts.
     pub const fn is_empty(&self) -> bool {
         self.pair.is_empty()
     }
 
-    /// All of them; points that are left out are zero.
+    /// All contacts; points that were left out are zero.
     pub fn iter(&self) -> impl Iterator<Item = Contact> {
         (0..self.len()).map(|row| {
             let Geometry { normal, overlap } = self.geometry[row];
@@ -431,7 +433,7 @@ impl Touching {
         })
     }
 
-    /// Adds a contact that is none of faces.
+    /// Adds a contact in one point.
     #[inline]
     pub fn push(&mut self, pair: u32, touch: &Touch) {
         self.push_with(pair, touch, &Patch::POINT);
@@ -450,7 +452,7 @@ impl Touching {
         }
     }
 
-    /// The same of eight pairs.
+    /// Adds the contacts of eight pairs.
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     fn push_eight<L: Eight>(
@@ -477,7 +479,7 @@ impl Touching {
         }
     }
 
-    /// Keeps some of them.
+    /// Keeps the contacts whose entry in `stays` is true.
     pub fn keep(&mut self, stays: &[bool]) {
         fn keep<T>(column: &mut Vec<T>, stays: &[bool]) {
             let mut stays = stays.iter();
@@ -496,7 +498,7 @@ impl Touching {
         self.patch.clear();
     }
 
-    /// Bytes that it holds.
+    /// Memory that the columns hold [bytes].
     pub fn bytes(&self) -> usize {
         self.pair.capacity() * size_of::<u32>()
             + self.geometry.capacity() * size_of::<Geometry>()
@@ -514,23 +516,24 @@ pub struct Bodies<'a> {
     pub quaternion: Option<&'a [Quat]>,
     /// All facets of walls.
     pub facets: &'a [FacetInPlace],
-    /// Matrices of ellipsoids and spheres in place, see [`Form`]; `None` if no method asked for them.
+    /// Matrices of ellipsoids and spheres in place, see [`Form`]; `None` if no method needs them.
     pub form: Option<&'a [Form]>,
     /// Shape of each body.
     pub shape: &'a [ShapeId],
-    /// The scene's shapes.
+    /// Shapes of the scene.
     pub library: &'a [Shape],
-    /// Their least radii of curvature [m].
+    /// Least radii of curvature of the shapes [m].
     pub curvature_radius: &'a [f64],
-    /// Lengths of each body over those of its shape [-]; `None` if all are as large as their shapes.
+    /// Lengths of each body over those of its shape [-]; `None` if all scales are 1.
     pub scale: Option<&'a [f64]>,
-    /// How the domain repeats.
+    /// Domain with its periodic directions.
     pub cell: &'a Cell,
 }
 
 impl Bodies<'_> {
-    /// From the centre of A to the nearest image of the centre of B [m]. Walls have no images: a surface that goes through a period
-    /// brings them along.
+    /// Vector from the centre of A to the nearest image of the centre of B [m].
+    ///
+    /// Walls have no images: a surface that crosses a periodic boundary lists its images itself.
     #[inline]
     pub fn relative(&self, pair: Pair) -> Vec3 {
         let way = self.position[pair.b.index()] - self.position[pair.a.index()];
@@ -566,20 +569,20 @@ impl Bodies<'_> {
         self.facet(slot).map_or_else(Mat3::identity, |facet| facet.frame)
     }
 
-    /// A facet of a wall; `None` of a particle.
+    /// Facet of a wall; `None` for a particle.
     #[inline]
     fn facet(&self, slot: Slot) -> Option<&FacetInPlace> {
         let first = self.shape.len() - self.facets.len();
         slot.index().checked_sub(first).and_then(|facet| self.facets.get(facet))
     }
 
-    /// Both of a pair.
+    /// Frames of both bodies of a pair.
     #[inline]
     pub fn frames(&self, pair: Pair) -> [Mat3; 2] {
         [self.frame(pair.a), self.frame(pair.b)]
     }
 
-    /// A pair in place, with its [`Bodies::frames`].
+    /// Both bodies of a pair in place, with their [`Bodies::frames`].
     #[inline]
     pub fn posed<'b>(&'b self, pair: Pair, frames: &'b [Mat3; 2]) -> (Posed<'b>, Posed<'b>) {
         (self.posed_body(pair.a, &frames[0]), self.posed_body(pair.b, &frames[1]))
@@ -593,14 +596,14 @@ impl Bodies<'_> {
     }
 }
 
-/// The vectors of eight bodies.
+/// Entries of a column of vectors for eight bodies.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
 pub fn vectors<L: Eight>(all: &[Vec3], bodies: Gather) -> Triple<L> {
     triple(&bodies.rows(all))
 }
 
-/// Eight vectors.
+/// Eight vectors in lanes.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
 pub fn triple<L: Eight>([a, b, c, d, e, f, g, h]: &[&Vec3; WIDTH]) -> Triple<L> {
@@ -616,98 +619,98 @@ pub fn triple<L: Eight>([a, b, c, d, e, f, g, h]: &[&Vec3; WIDTH]) -> Triple<L> 
     ])
 }
 
-/// How often each resolver answered, and how often it passed a pair on.
+/// Numbers of pairs that each resolver answered or passed on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Pairs listed, summed over the steps.
     pub listed: u64,
-    /// Pairs looked at.
+    /// Pairs examined.
     pub pairs: u64,
     /// Pairs found touching.
     pub contacts: u64,
-    /// Pairs which the first resolver passed on, by the stage of the chain that answered (at most 4).
+    /// Pairs that the first resolver passed on, by the stage of the chain that answered (at most 4).
     pub fallbacks: [u64; 4],
 }
 
-/// Index of the contact of a pair among those of the last step, if it touched.
+/// Index of a pair's contact among those of the last step, if it touched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Previous(u32);
 
 impl Previous {
-    /// It did not touch.
+    /// The pair did not touch at the last step.
     pub const NONE: Self = Self(u32::MAX);
 
-    /// This contact of the last step.
+    /// Refers to this contact of the last step.
     pub const fn at(index: usize) -> Self {
         Self(index as u32)
     }
 
-    /// As an index; beyond any list if it did not touch.
+    /// The index; beyond any list if the pair did not touch.
     #[inline]
     pub const fn index(self) -> usize {
         self.0 as usize
     }
 }
 
-/// Pairs of one pair of kinds that are to be looked at.
+/// Pairs of one pair of kinds to be resolved.
 #[derive(Clone, Copy, Debug)]
 pub struct Batch<'a> {
-    /// A stretch of the list of pairs, or all of it.
+    /// A range of the pair list, or all of it.
     pub pairs: &'a [Pair],
-    /// Index in `geometry` of each; empty if all are spheres, of which no resolver asks.
+    /// Index in `geometry` of each pair; empty if all bodies are spheres, whose resolvers do not need it.
     pub previous: &'a [Previous],
     /// Geometry of the contacts of the last step.
     pub geometry: &'a [Geometry],
-    /// Which of them to look at.
+    /// Indices of the pairs to resolve.
     pub active: &'a [u32],
-    /// Every body.
+    /// All bodies of the rank.
     pub bodies: Bodies<'a>,
 }
 
 impl<'a> Batch<'a> {
-    /// The normal of a pair's last touch, if it touched at the last step.
+    /// Normal of a pair at the last step, if it touched then.
     #[inline]
     pub fn last_normal(&self, index: u32) -> Option<&'a Vec3> {
         let geometry = self.geometry.get(self.previous.get(index as usize)?.index())?;
         geometry.touched().then_some(&geometry.normal)
     }
 
-    /// The slots of the pairs, in columns of so many bodies.
+    /// Slots of the pairs, for columns with this number of bodies.
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     fn slots(&self, bodies: usize) -> RowPairs<'a> {
         RowPairs::new(bytemuck::cast_slice(self.pairs), bodies)
     }
 
-    /// The same of a pair that is known to have touched.
+    /// Last normal of a pair that is known to have touched.
     #[inline]
     pub fn normal(&self, index: u32) -> &'a Vec3 {
         &self.geometry[self.previous[index as usize].index()].normal
     }
 }
 
-/// What resolvers found in a step.
+/// Results of the resolvers in a step.
 #[derive(Clone, Debug, Default)]
 pub struct Found {
     /// Pairs that touch.
     pub contacts: Touching,
-    /// Pairs that do not, and how much nearer their surfaces may come before they could [m].
+    /// Pairs that do not touch, and the distance by which their surfaces can come nearer before they do [m].
     pub apart: Vec<(u32, f64)>,
-    /// Pairs of which the resolver could not tell.
+    /// Pairs that the resolver could not resolve.
     pub failed: Vec<(u32, Why)>,
-    /// How many pairs each resolver of a chain resolved.
+    /// Number of pairs that each resolver of a chain resolved.
     pub tally: Tally,
 }
 
 impl Found {
-    /// Forgets the last step, but not the tally.
+    /// Clears the results of the last step, but not the tally.
     pub fn clear(&mut self) {
         self.contacts.clear();
         self.apart.clear();
         self.failed.clear();
     }
 
-    /// Takes note of one pair.
+    /// Adds the result of one pair.
     #[inline]
     pub fn note(&mut self, pair: u32, outcome: Outcome) {
         match outcome {
@@ -717,8 +720,7 @@ impl Found {
         }
     }
 
-    /// Takes note of up to eight pairs: those that touch, and those that are as far apart as their overlap is negative. Returns in
-    /// which lanes there are others.
+    /// Adds the results of up to eight pairs that touch or have a negative overlap. Returns a bit mask of the remaining lanes.
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
     fn note_eight<L: Eight>(&mut self, pairs: &[u32], touches: &in_lanes::Touches<L>) -> u8 {
@@ -727,7 +729,7 @@ impl Found {
         if let Some(eight) = pairs.first_chunk::<WIDTH>()
             && touching == u8::MAX
         {
-            // As most are that are looked at.
+            // The common case: most active pairs touch.
             self.contacts.push_eight(eight, overlap, normal, point);
             return 0;
         }
@@ -752,8 +754,9 @@ thread_local! {
     static DIRECTIONS: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
 }
 
-/// How many directions were tried so far on this thread: what GJK, EPA and Newton's method have in common is that
-/// each iteration asks both bodies for their support point along one direction. Lanes count as one.
+/// Number of directions tried so far on this thread, where eight lanes count as one.
+///
+/// Each iteration of GJK, EPA and Newton's method asks both bodies for their support point along one direction.
 pub fn directions_tried() -> u64 {
     DIRECTIONS.get()
 }
@@ -765,25 +768,23 @@ fn count_direction() {
 
 /// A method that resolves pairs of convex bodies.
 pub trait ContactResolver: Send + Sync {
-    /// As the scene file and reports name it.
+    /// Name in the scene file and in reports.
     fn name(&self) -> &'static str;
 
-    /// The names of the stages that may answer, in their order: of a chain, more than one.
+    /// Names of the stages that may answer, in order; more than one for a chain.
     fn stages(&self) -> Vec<&'static str> {
         vec![self.name()]
     }
 
-    /// What it looks for.
+    /// Definition of the overlap that the method computes.
     fn definition(&self) -> Definition {
         Definition::LeastOverlap
     }
 
-    /// Resolves one pair. `r` is from the centre of A to the centre of B [m]; `warm` the normal of the
-    /// last touch.
+    /// Resolves one pair. `r` points from the centre of A to the centre of B [m]; `warm` is the normal of the last step.
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome;
 
-    /// Resolves the active pairs of a batch. Each goes into one of the lists of `found`; their order
-    /// means nothing.
+    /// Resolves the active pairs of a batch. Each pair goes into one of the lists of `found`, in any order.
     fn resolve(&self, batch: &Batch, found: &mut Found) {
         resolve_each(self, batch, found);
     }
@@ -806,7 +807,7 @@ fn resolve_one(resolver: &(impl ContactResolver + ?Sized), batch: &Batch, index:
     resolver.touch(&a, &b, &r, batch.last_normal(index))
 }
 
-/// Which resolver serves which pair of kinds.
+/// Resolvers by pair of kinds.
 pub struct Table {
     entries: Vec<((Kind, Kind), Box<dyn ContactResolver>)>,
 }
@@ -817,12 +818,12 @@ impl Table {
         Self { entries: Vec::new() }
     }
 
-    /// Lets `resolver` serve pairs of these kinds, in either order.
+    /// Sets the resolver of pairs of these kinds, in either order.
     pub fn insert(&mut self, kinds: (Kind, Kind), resolver: Box<dyn ContactResolver>) {
         self.entries.push((ordered(kinds), resolver));
     }
 
-    /// The resolver for pairs of these kinds, in either order.
+    /// Returns the resolver of pairs of these kinds, in either order.
     pub fn get(&self, kinds: (Kind, Kind)) -> Option<&dyn ContactResolver> {
         let kinds = ordered(kinds);
         self.entries.iter().find(|(k, _)| *k == kinds).map(|(_, r)| &**r)
@@ -835,12 +836,12 @@ impl Default for Table {
     }
 }
 
-/// The two kinds in the order of batches.
+/// Returns the two kinds in the order of batches.
 pub fn ordered((a, b): (Kind, Kind)) -> (Kind, Kind) {
     if a <= b { (a, b) } else { (b, a) }
 }
 
-/// The frames of two bodies and a direction, others for each `k`: for tests.
+/// Frames of two bodies and a direction that differ for each `k`, for tests.
 #[cfg(test)]
 fn orientations(k: f64) -> ([Mat3; 2], Vec3) {
     let frame = |roll, pitch, yaw| {

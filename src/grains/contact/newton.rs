@@ -1,16 +1,15 @@
-//! The formulas of Newton's method for the common normal of two ellipsoids, in any number of lanes.
+//! Newton's method for the common normal of two ellipsoids, in any number of lanes.
 //!
-//! With `A = R diag(a²) Rᵀ`, an ellipsoid has the support function `h = √(n·A n)`, the support point
-//! `s = A n / h` and the Hessian `(A - s sᵀ) / h`. The step of Newton's method on the unit sphere solves
-//! `(H - δ) d = -g` on the tangent plane (Absil, Mahony and Sepulchre 2008, *Optimization Algorithms on
-//! Matrix Manifolds*, chapters 5 and 6); no basis of that plane is needed, because there
+//! With `A = R diag(a²) Rᵀ`, an ellipsoid has the support function `h = √(n·A n)`, the support point `s = A n / h` and the Hessian
+//! `(A - s sᵀ) / h`. The step of Newton's method on the unit sphere solves `(H - δ) d = -g` on the tangent plane (Absil, Mahony and
+//! Sepulchre 2008, *Optimization Algorithms on Matrix Manifolds*, chapters 5 and 6). No basis of that plane is needed, because there
 //! `W⁻¹ = (tr W - W) / det W`.
 //!
-//! [`Ellipsoids::descend`] is the search: Newton's method made safe by a shift that keeps the Hessian positive
-//! definite, by a longest step and by a line search. Every lane goes its own way and rests when it has arrived.
+//! [`Ellipsoids::descend`] is the search. A shift keeps the Hessian positive definite; the step length is limited, and a line search
+//! shortens it. Each lane proceeds on its own and rests when it has converged.
 //!
-//! No closures here or in `lanes`: unlike functions, they cannot be told to be inlined, and would be compiled
-//! without vector registers.
+//! Closures are not used here or in `lanes`. Unlike functions, they cannot be marked for inlining and would be compiled without vector
+//! registers.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -19,8 +18,7 @@ use crate::lanes::{Lanes, Symmetric, Triple};
 
 /// Longest step [rad].
 const LONGEST_STEP: f64 = 0.5;
-/// A step shorter than this [rad] is the last: quadratic convergence leaves 1e-12, the closing correction
-/// nothing.
+/// Step length below which a step is the last [rad]: quadratic convergence leaves 1e-12, and the closing correction nothing.
 const LAST_STEP: f64 = 1e-6;
 /// Part of the predicted decrease that a step must bring (Armijo).
 const SUFFICIENT: f64 = 1e-4;
@@ -41,7 +39,7 @@ pub(super) struct Ellipsoids<L> {
 #[derive(Clone, Copy)]
 pub(super) struct Evaluation<L> {
     pub(super) normal: Triple<L>,
-    /// Support point of A, and of B's mirror image at its centre (which is B).
+    /// Support points of A, and of the mirror image of B at its centre (which is B).
     on_a: Triple<L>,
     on_b: Triple<L>,
     /// `1 / h_A`, `1 / h_B`.
@@ -53,46 +51,47 @@ pub(super) struct Evaluation<L> {
     pub(super) gradient: Triple<L>,
 }
 
-/// The Hessian of `h_A + h_B`, which has no part along the normal.
+/// Hessian of `h_A + h_B`, which has no part along the normal.
 #[derive(Clone, Copy)]
 pub(super) struct Hessian<L> {
     entries: Symmetric<L>,
-    /// Sum and product of its two eigenvalues on the tangent plane.
+    /// Sum and product of the two eigenvalues on the tangent plane.
     pub(super) trace: L,
     pub(super) product: L,
 }
 
-/// Where the lanes of a search ended: in exactly one of the three masks, or nowhere.
+/// Results of a search by lane. Each lane is in exactly one of the three masks, or in none if it did not converge.
 #[derive(Clone, Copy)]
 pub(super) struct Ends<L> {
-    /// Apart: a direction with `δ <= 0` was found.
+    /// Lanes that are apart: a direction with `δ <= 0` was found.
     pub(super) apart: u8,
-    /// At a minimum.
+    /// Lanes at a minimum.
     pub(super) minimum: u8,
-    /// At a saddle or a maximum: the bodies are too deep in each other for this start.
+    /// Lanes at a saddle or a maximum: the bodies are too deep in each other for this start.
     pub(super) saddle: u8,
-    /// `δ` of lanes that are apart, the overlap at a minimum.
+    /// `δ` of lanes that are apart; overlap of lanes at a minimum.
     pub(super) overlap: L,
     pub(super) normal: Triple<L>,
     pub(super) point: Triple<L>,
 }
 
 impl<L: Lanes> Ellipsoids<L> {
-    /// The same in other units.
+    /// Copy with lengths multiplied by a factor.
     #[inline(always)]
     pub(super) fn scaled(&self, factor: L) -> Self {
         let square = factor * factor;
         Self { a: self.a.scaled(square), b: self.b.scaled(square), r: self.r.times(factor) }
     }
 
-    /// `adj(A + B) r`, parallel to `(A + B)⁻¹ r`: the normal of two spheres, and of ellipsoids of one form
-    /// and orientation that touch. Of any length.
+    /// First direction: `adj(A + B) r`, parallel to `(A + B)⁻¹ r`, of any length.
+    ///
+    /// It is the normal of two spheres, and of touching ellipsoids with the same proportions and orientation.
     #[inline(always)]
     pub(super) fn cold_start(&self) -> Triple<L> {
         self.a.plus(&self.b).adjugate().times(self.r)
     }
 
-    /// `δ` alone.
+    /// `δ` along a normal.
     #[inline(always)]
     pub(super) fn delta(&self, normal: Triple<L>) -> L {
         count_direction();
@@ -131,9 +130,9 @@ impl<L: Lanes> Ellipsoids<L> {
         Hessian { entries: h, trace: (h.xx + h.yy) + h.zz, product }
     }
 
-    /// Goes downhill from `start`, unit vectors, in those of eight lanes whose bits are set; lengths are in units of
-    /// the pair's length. A lane that has not arrived after so many `evaluations` ends nowhere, and so does
-    /// one that meets what is not a number.
+    /// Minimises `δ` from `start`, unit vectors, in the lanes whose bits are set; lengths are in units of the pair's length.
+    ///
+    /// A lane that has not converged after this number of `evaluations`, or that gets a NaN, is in none of the masks of `Ends`.
     #[inline(always)]
     pub(super) fn descend(&self, start: Triple<L>, lanes: u8, evaluations: u32) -> Ends<L> {
         let zero = L::all(0.0);
@@ -142,7 +141,7 @@ impl<L: Lanes> Ellipsoids<L> {
         let mut ends =
             Ends { apart, minimum: 0, saddle: 0, overlap: here.delta, normal: start, point: start };
         let mut going = lanes & zero.less(here.delta);
-        // What is left of a step after the line search.
+        // Remaining part of a step after the line search.
         let mut fraction = L::all(1.0);
         for _ in 1..evaluations {
             if going == 0 {
@@ -173,7 +172,7 @@ impl<L: Lanes> Ellipsoids<L> {
         ends
     }
 
-    /// One more step with the last Hessian, for the lanes of `last`.
+    /// Takes one more step with the last Hessian in the lanes of `last`.
     #[inline(always)]
     fn correct(&self, e: &Evaluation<L>, hessian: &Hessian<L>, last: u8, ends: &mut Ends<L>) {
         let zero = L::all(0.0);
@@ -187,9 +186,9 @@ impl<L: Lanes> Ellipsoids<L> {
         ends.point = self.point_after(e, step).or(ends.point, last);
     }
 
-    /// Where the support points go when the normal turns by `step`: each follows its own body's
-    /// compliance, which keeps the contact point quiet where a surface is nearly flat. Their middle,
-    /// seen from the centre of A, is the contact point.
+    /// Contact point after the normal has turned by `step`, relative to the centre of A: the middle of the support points.
+    ///
+    /// Each support point follows the compliance of its own body. This keeps the contact point steady where a surface is nearly flat.
     #[inline(always)]
     pub(super) fn point_after(&self, e: &Evaluation<L>, step: Triple<L>) -> Triple<L> {
         let on_a = follow(&self.a, e.on_a, e.inverse_a, step);
@@ -198,7 +197,7 @@ impl<L: Lanes> Ellipsoids<L> {
     }
 }
 
-/// A support point after its direction has turned by `step`; `inverse` is `1 / h`.
+/// Support point after its direction has turned by `step`; `inverse` is `1 / h`.
 #[inline(always)]
 fn follow<L: Lanes>(
     shape: &Symmetric<L>,
@@ -211,7 +210,7 @@ fn follow<L: Lanes>(
 }
 
 impl<L: Lanes> Evaluation<L> {
-    /// This one in the lanes of `mask`, else the other.
+    /// This evaluation in the lanes of `mask`, the other one elsewhere.
     #[inline(always)]
     fn or(&self, other: &Self, mask: u8) -> Self {
         Self {
@@ -245,8 +244,9 @@ impl<L: Lanes> Hessian<L> {
         self.scaled_step(gradient, shift).times(L::all(1.0) / self.determinant(shift))
     }
 
-    /// Newton's step where it leads downhill, else one with a shift that does; no longer than the longest.
-    /// Lanes out of `going` do not matter.
+    /// Newton's step where it leads downhill, else a step with a shift that does, limited to the longest step.
+    ///
+    /// Lanes outside `going` may have any value.
     #[inline(always)]
     fn safe_step(&self, here: &Evaluation<L>, going: u8) -> Triple<L> {
         let mut shift = here.delta;
@@ -265,8 +265,9 @@ impl<L: Lanes> Hessian<L> {
         step.times((L::all(LONGEST_STEP) / squared.sqrt()).or(L::all(1.0), long))
     }
 
-    /// Are both eigenvalues of `H - shift` on the tangent plane positive? `slack`, a small number, lets
-    /// the product be that much below zero relative to the square of the sum.
+    /// Lanes in which both eigenvalues of `H - shift` on the tangent plane are positive.
+    ///
+    /// The product may be below zero by `slack` times the square of the sum.
     #[inline(always)]
     fn exceeds(&self, shift: L, slack: f64) -> u8 {
         let least = L::all(-slack) * (self.trace * self.trace);

@@ -1,35 +1,35 @@
-//! Where bodies with edges and faces touch: the centroid of what they share.
+//! Contact point of bodies with edges and faces: the centroid of the shared features.
 //!
-//! Along a common normal, a face lies on a face or an edge on a face, and any of their points is a support
-//! point. The contact point is then the centroid of the patch that both support features share: for an
-//! edge on a face the middle of the common segment, for a corner the corner itself.
+//! Where a face or an edge lies on a face, along the common normal, all their points are support points. The contact point is the
+//! centroid of the patch that both support features share. It is the middle of the common segment for an edge on a face, and the corner
+//! itself for a corner.
 //!
-//! Taken literally, that point would jump by half a face when a face tilts by one rounding error, and a
-//! resting cube would be tossed from corner to corner. So a feature is what lies within a small depth `t` of
-//! the support plane, a fixed part of the overlap, and where that is a face the body's section at that depth
-//! stands for it: it shrinks steadily from the whole face to an edge while the face tilts by `t` over its
-//! width, and so does the section of an edge to a corner. The centroid `c(t)` of the sections' common part
-//! differs from that of the features in first order of `t`; `2 c(t/2) - c(t)` does not, and is exact for
-//! faces that are flush, and without a jump as edges of parallel sides take over.
+//! With exact features, that point would jump by half a face when a face tilts by one rounding error. A resting cube would rock from
+//! corner to corner. A feature is therefore the part of the body within a small depth `t` of the support plane, a fixed part of the
+//! overlap. Where that is a face, the section of the body at that depth represents it. It shrinks steadily from the whole face to an edge
+//! while the face tilts by `t` over its width; the section of an edge shrinks to a corner in the same way.
 //!
-//! Sections are convex polygons, clipped edge by edge (Sutherland and Hodgman 1974,
-//! DOI 10.1145/360767.360802). A curved body has one support point and needs none of this.
+//! The centroid `c(t)` of the sections' common part deviates from that of the features in first order of `t`. `2 c(t/2) - c(t)` does
+//! not. It is exact for faces that are flush, and does not jump where parallel sides take over from each other.
+//!
+//! Sections are convex polygons, clipped edge by edge (Sutherland and Hodgman 1974, DOI 10.1145/360767.360802). A curved body has one
+//! support point and needs none of this.
 
 use super::{Posed, PosedCore, PosedHull};
 use crate::math::Vec3;
 
-/// Depth of the sections, as a part of the overlap: faces within that much of being flush, over their width,
-/// count as such in part.
+/// Depth of the sections, as a part of the overlap: faces that are flush to within that depth over their width count in part.
 const DEPTH: f64 = 1e-3;
-/// Least depth, as a part of the smaller body's size: rounding of its corners.
+/// Least depth, as a part of the size of the smaller body: rounding of its corners.
 const ROUNDING: f64 = 1e-10;
 /// A polygon with less area than this part of its squared outline is a segment.
 const THIN: f64 = 1e-14;
-/// Segments at a lesser angle [rad] are parallel.
+/// Segments at a smaller angle are parallel [rad].
 const PARALLEL: f64 = 1e-7;
 
-/// The contact point of two bodies, seen along their normal from A to B: its part across the normal, from
-/// the centre of A, in world axes [m].
+/// Part of the contact point across the normal, relative to the centre of A, in world axes [m].
+///
+/// `normal` points from A to B.
 pub(super) fn centre_between(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3, overlap: f64) -> Vec3 {
     let (size_a, size_b) = (a.bounding_radius(), b.bounding_radius());
     let depth = depth(overlap, if size_a < size_b { size_a } else { size_b });
@@ -38,7 +38,7 @@ pub(super) fn centre_between(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3, over
     extrapolated(depth, |depth| centre(&on_a, &on_b, &across, depth, normal))
 }
 
-/// The same of a body on a wall; `normal` from the body to the wall.
+/// Part of the contact point across the normal for a body on a wall; `normal` points from the body to the wall.
 pub(super) fn centre_on_plane(a: &Posed, normal: &Vec3, overlap: f64) -> Vec3 {
     let depth = depth(overlap, a.bounding_radius());
     let on_a = Feature::of(a, normal, depth);
@@ -54,17 +54,17 @@ fn extrapolated(depth: f64, centre: impl Fn(f64) -> Vec3) -> Vec3 {
     centre(0.5 * depth) * 2.0 - centre(depth)
 }
 
-/// The part of a vector across a unit vector.
+/// Part of a vector across a unit vector.
 fn flat(p: &Vec3, normal: &Vec3) -> Vec3 {
     p - normal * p.dot(normal)
 }
 
-/// What of a body's core lies within a depth of its support plane, laid flat through the body's centre.
+/// Part of a body's core within a depth of its support plane, projected onto the plane through the body's centre.
 enum Feature<'a> {
     /// The support point of a curved body.
     Round(Vec3),
     Corner(Vec3),
-    /// From its upper end to its lower one, which is so much deeper [m].
+    /// An edge from its upper to its lower end, which is deeper by `fall` [m].
     Edge {
         top: Vec3,
         bottom: Vec3,
@@ -76,14 +76,14 @@ enum Feature<'a> {
 /// A face, or a corner so blunt that its neighbours are as high.
 struct Face<'a> {
     hull: PosedHull<'a>,
-    /// Along which it is the highest.
+    /// Direction along which the face is the highest.
     normal: Vec3,
-    /// So high above the body's centre [m].
+    /// Height above the body's centre [m].
     height: f64,
 }
 
 impl Face<'_> {
-    /// The section of the polyhedron at this depth.
+    /// Section of the polyhedron at this depth.
     fn section(&self, depth: f64) -> Vec<Vec3> {
         let Self { hull, normal, .. } = self;
         let x = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize() * hull.bounding_radius();
@@ -96,10 +96,9 @@ impl Face<'_> {
         polygon
     }
 
-    /// The part of a polygon, segment or point that lies in the section at this depth, whose body's centre
-    /// is at `centre`.
+    /// Part of a polygon, segment or point in the section at this depth of the body whose centre is at `centre`.
     fn shared(&self, mut polygon: Vec<Vec3>, centre: &Vec3, depth: f64) -> Vec<Vec3> {
-        // From a point of the flat polygon to that of the section.
+        // Vector from a point of the flat polygon to that of the section.
         let rise = self.normal * (self.height - depth) - centre;
         let mut clipped = Vec::with_capacity(16);
         for (outward, offset) in self.hull.planes() {
@@ -139,8 +138,7 @@ impl<'a> Feature<'a> {
         }
     }
 
-    /// Its section at this depth: a polygon, counter-clockwise about the normal, or the two ends of a
-    /// segment, or a point.
+    /// Section at this depth: a polygon, counter-clockwise about the normal, or the two ends of a segment, or a point.
     fn section(&self, depth: f64) -> Vec<Vec3> {
         match *self {
             Self::Round(point) | Self::Corner(point) => vec![point],
@@ -153,7 +151,7 @@ impl<'a> Feature<'a> {
     }
 }
 
-/// Leaves of a convex polygon the part with `p · outward <= offset`.
+/// Keeps the part of a convex polygon with `p · outward <= offset`.
 fn clip(polygon: &mut Vec<Vec3>, outward: &Vec3, offset: f64, clipped: &mut Vec<Vec3>) {
     clipped.clear();
     for (k, here) in polygon.iter().enumerate() {
@@ -169,11 +167,12 @@ fn clip(polygon: &mut Vec<Vec3>, outward: &Vec3, offset: f64, clipped: &mut Vec<
     std::mem::swap(polygon, clipped);
 }
 
-/// The centroid of what two sections share, the second `across` from the first. If they share nothing, as
-/// for a normal that is not the common one, the middle between points of them that are near each other.
+/// Centroid of the common part of two sections, the second displaced by `across`.
+///
+/// Sections share nothing if the normal is not the common one. The result is then the middle between points of them near each other.
 fn centre(a: &Feature, b: &Feature, across: &Vec3, depth: f64, normal: &Vec3) -> Vec3 {
     let section_b = || -> Vec<Vec3> {
-        // Counter-clockwise about the normal of A, too.
+        // Counter-clockwise about the normal of A as well.
         b.section(depth).into_iter().rev().map(|p| p + across).collect()
     };
     let shared = match (a, b) {
@@ -182,8 +181,8 @@ fn centre(a: &Feature, b: &Feature, across: &Vec3, depth: f64, normal: &Vec3) ->
         _ => {
             let ends = |section: &[Vec3]| [section[0], section[section.len() - 1]];
             let (p, q) = nearest_of_segments(&ends(&a.section(depth)), &ends(&section_b()));
-            // Where a curved body is nearly flat, its support point moves far with the last digits of the normal;
-            // a corner or an edge does not move.
+            // Where a curved body is nearly flat, its support point moves far with the last digits of the normal. The point of a corner or
+            // an edge does not.
             return match (a, b) {
                 (Feature::Round(_), Feature::Edge { .. } | Feature::Corner(_)) => q,
                 (Feature::Edge { .. } | Feature::Corner(_), Feature::Round(_)) => p,
@@ -200,7 +199,7 @@ fn centre(a: &Feature, b: &Feature, across: &Vec3, depth: f64, normal: &Vec3) ->
     centroid(&shared, normal)
 }
 
-/// The centroid of a polygon's area; of its outline, if it has none.
+/// Centroid of a polygon's area, or of its outline if the area is zero.
 fn centroid(polygon: &[Vec3], normal: &Vec3) -> Vec3 {
     let first = polygon[0];
     let (mut area, mut moment) = (0.0, Vec3::zeros());
@@ -238,20 +237,21 @@ fn nearest(polygon: &[Vec3], point: &Vec3, normal: &Vec3) -> Vec3 {
     if inside { *point } else { best }
 }
 
-/// Two points of two segments at the shortest distance (Ericson 2005, *Real-Time Collision Detection*,
-/// section 5.1.9). Of parallel segments the middle of the part where they face each other.
+/// Nearest points of two segments (Ericson 2005, *Real-Time Collision Detection*, section 5.1.9).
+///
+/// For parallel segments, the middle of the part where they face each other.
 pub(super) fn nearest_of_segments(a: &[Vec3; 2], b: &[Vec3; 2]) -> (Vec3, Vec3) {
     let (u, v, w) = (a[1] - a[0], b[1] - b[0], a[0] - b[0]);
     let (uu, vv, uv) = (u.norm_squared(), v.norm_squared(), u.dot(&v));
     let (uw, vw) = (u.dot(&w), v.dot(&w));
     let crossed = uu * vv - uv * uv;
-    // The fraction of A's length nearest to a fraction of B's, and the other way.
+    // The fraction of A's length nearest to a fraction of B's, and the reverse.
     let on_a = |t: f64| if uu > 0.0 { ((t * uv - uw) / uu).clamp(0.0, 1.0) } else { 0.0 };
     let on_b = |s: f64| if vv > 0.0 { ((s * uv + vw) / vv).clamp(0.0, 1.0) } else { 0.0 };
     let s = if crossed > PARALLEL * PARALLEL * (uu * vv) {
         ((uv * vw - uw * vv) / crossed).clamp(0.0, 1.0)
     } else {
-        // Where B's ends face A, or A's nearest ends.
+        // Middle of the part of A that faces B, or A's nearest end.
         0.5 * (on_a(0.0) + on_a(1.0))
     };
     let t = on_b(s);

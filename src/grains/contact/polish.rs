@@ -1,9 +1,8 @@
-//! The last digits of a contact between a superellipsoid and any other body.
+//! Refinement of a contact between a superellipsoid and any other body to the last digits.
 //!
-//! Where a superellipsoid is nearly flat, its support point moves far with the last digits of the normal, so that a
-//! normal which is good enough for the overlap does not tell where the bodies touch. Newton's method does, beside
-//! the normal that another method has found. A body with edges has no curvature to go by, but the corner or the edge
-//! that touches has: none, and that of an arc as good as straight.
+//! Where a superellipsoid is nearly flat, its support point moves far with the last digits of the normal. A normal that is accurate
+//! enough for the overlap does not determine the contact point. Newton's method, started from the normal of another method, does. A body
+//! with edges has no curvature; the corner or edge that touches replaces it: a point, or an arc that is as good as straight.
 
 use super::smooth_common_normal::touch_beside;
 use super::{Posed, PosedCore, Touch};
@@ -11,22 +10,22 @@ use crate::math::{Mat3, Vec3};
 use crate::shape::{Convex, CurvedSupport, Kind, Shape};
 use std::sync::Arc;
 
-/// Radius of the arc that stands for an edge, over the size of its body: a normal is tilted by its inverse.
+/// Radius of the arc that replaces an edge, over the size of its body: the normal is tilted by the inverse.
 const STRAIGHT: f64 = 1e10;
-/// A vertex is higher than another by at least this part of the body's size, or it may be rounding.
+/// A vertex counts as higher than another if it is so by this part of the body's size; less may be rounding.
 const HIGHER: f64 = 1e-12;
-/// Vertices at most this far below the highest, over the body's size, belong to one face.
+/// Vertices at most this far below the highest one, over the body's size, belong to one face.
 const FLUSH: f64 = 1e-7;
-/// How far the overlap of corner or edge may be from that of the bodies, over their size.
+/// Largest difference between the overlap of corner or edge and that of the bodies, over their size.
 const SAME: f64 = 1e-8;
-/// Corners and edges tried.
+/// Largest number of corners and edges tried.
 const FEATURES: u32 = 5;
 
-/// The touch with its normal and point to rounding, if that can be done.
+/// The contact with normal and point refined to rounding, where possible.
 pub(super) fn polished(a: &Posed, b: &Posed, r: &Vec3, touch: Touch) -> Touch {
     let can_be_flat =
         |body: &Posed| matches!(body.shape.kind(), Kind::Superellipsoid | Kind::PolySuperellipsoid);
-    // What is not a contact, or not a number, is not for here.
+    // Pairs that are apart, or whose overlap is NaN, are not refined.
     let found = if touch.overlap > 0.0 && (can_be_flat(a) || can_be_flat(b)) {
         match (a.is_curved(), b.is_curved()) {
             (true, true) => {
@@ -51,8 +50,9 @@ pub(super) fn polished(a: &Posed, b: &Posed, r: &Vec3, touch: Touch) -> Touch {
         .unwrap_or(touch)
 }
 
-/// Of a smooth body and one with edges: goes from corner to edge to corner until the highest of its points is the one
-/// that touches. `None` where a face does.
+/// Refines a contact of a smooth body and one with edges. Returns `None` where a face touches.
+///
+/// Goes from corner to edge to corner until the highest point of the feature is the one that touches.
 fn on_feature(smooth: &Posed, sharp: &Posed, r: &Vec3, touch: &Touch) -> Option<Touch> {
     let size = sharp.bounding_radius();
     let mut feature = Feature::first(sharp, &-touch.normal, size)?;
@@ -72,14 +72,14 @@ fn on_feature(smooth: &Posed, sharp: &Posed, r: &Vec3, touch: &Touch) -> Option<
     None
 }
 
-/// A corner or an edge of a body, with the sphere that rolls around it, in world axes about the body's centre.
+/// A corner or an edge of a body, with the sphere rolled around it, in world axes about the body's centre.
 #[derive(Clone, Copy, Debug)]
 struct Feature {
     /// The corner, or the middle of the edge [m].
     middle: Vec3,
     /// Unit vector along the edge.
     along: Vec3,
-    /// Half the length of the edge; 0 of a corner [m].
+    /// Half the length of the edge; 0 for a corner [m].
     half: f64,
     margin: f64,
     /// Bounding radius of the body [m].
@@ -98,7 +98,7 @@ impl Feature {
         Self { middle, along: half / length, half: length, margin: sharp.margin(), size }
     }
 
-    /// The one farthest along a unit vector; `None` of a face.
+    /// The feature farthest along a unit vector; `None` for a face.
     fn first(sharp: &Posed, outward: &Vec3, size: f64) -> Option<Self> {
         match sharp.core() {
             PosedCore::Curved => None,
@@ -111,7 +111,7 @@ impl Feature {
         }
     }
 
-    /// What touches instead, if this is not it.
+    /// The feature that touches instead, if it is not this one.
     fn next(&self, sharp: &Posed, point: &Vec3, outward: &Vec3, size: f64) -> Option<Self> {
         if self.half > 0.0 {
             let at = (point - self.middle).dot(&self.along);
@@ -125,7 +125,7 @@ impl Feature {
     }
 }
 
-/// Only what Newton's method asks for.
+/// Only the functions that Newton's method needs.
 impl Convex for Feature {
     fn support(&self, direction: &Vec3) -> Vec3 {
         let end = self.half.copysign(self.along.dot(direction));

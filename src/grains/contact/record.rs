@@ -1,4 +1,4 @@
-//! Records of touching contacts: state, which migrates with its particles and is saved.
+//! Records of touching contacts. They are saved, and migrate with their particles.
 
 use crate::ids::GlobalId;
 use crate::math::Vec3;
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// The geometry of a contact at the last step.
+/// Geometry of a contact at the last step.
 #[derive(
     Clone,
     Copy,
@@ -18,46 +18,46 @@ use std::ops::Range;
     bytemuck::Pod,
     bytemuck::Zeroable,
 )]
-// Aligned so that no row lies in two lines of the cache.
+// Aligned so that no row spans two cache lines.
 #[repr(C, align(32))]
 pub struct Geometry {
-    /// The normal of the last touch, A to B; zero if the pair did not touch.
+    /// Normal from A to B at the last step; zero if the pair did not touch.
     pub normal: Vec3,
-    /// Overlap of the last touch [m].
+    /// Overlap at the last step [m].
     pub overlap: f64,
 }
 
 impl Geometry {
-    /// Did the pair touch at the last step?
+    /// Whether the pair touched at the last step.
     #[inline]
     pub fn touched(&self) -> bool {
         self.normal != Vec3::zeros()
     }
 }
 
-/// Numbers that a law remembers of each touching contact.
+/// Numbers that a law keeps for each touching contact.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StateColumn {
-    /// As files and reports name it.
+    /// Name in files and reports.
     pub name: Cow<'static, str>,
     /// Unit, as text.
     pub unit: Cow<'static, str>,
-    /// How many numbers: 3 of a vector.
+    /// Number of values per contact, 3 for a vector.
     pub width: usize,
 }
 
 impl StateColumn {
-    /// One that a law declares.
+    /// A column declared by a law.
     pub const fn new(name: &'static str, width: usize, unit: &'static str) -> Self {
         Self { name: Cow::Borrowed(name), unit: Cow::Borrowed(unit), width }
     }
 
-    /// Numbers of a contact in all of these columns.
+    /// Total number of values per contact in all of these columns.
     pub fn total_width(columns: &[Self]) -> usize {
         columns.iter().map(|column| column.width).sum()
     }
 
-    /// Each column with where its numbers stand among those of a contact.
+    /// Each column with the range of its values among those of a contact.
     pub fn ranges(columns: &[Self]) -> impl Iterator<Item = (&Self, Range<usize>)> {
         columns.iter().scan(0, |start, column| {
             let place = *start..*start + column.width;
@@ -85,37 +85,37 @@ pub struct ContactRecord<'a> {
     pub b: GlobalId,
     /// Normal and overlap.
     pub geometry: Geometry,
-    /// What the law remembers, column after column.
+    /// Values kept by the law, column after column.
     pub state: &'a [f64],
 }
 
 impl ContactRecords {
-    /// None, of which a law remembers these columns.
+    /// An empty list of records with these columns of the law.
     pub fn of(columns: &[StateColumn]) -> Self {
         Self { columns: columns.to_vec(), ..Self::default() }
     }
 
-    /// What a law remembers.
+    /// Columns of the law.
     pub fn columns(&self) -> &[StateColumn] {
         &self.columns
     }
 
-    /// How many.
+    /// Number of records.
     pub const fn len(&self) -> usize {
         self.ends.len()
     }
 
-    /// Are there none?
+    /// Whether there are no records.
     pub const fn is_empty(&self) -> bool {
         self.ends.is_empty()
     }
 
-    /// The ids of the bodies of one of them, the lower first.
+    /// Ids of the bodies of a record, the lower first.
     pub fn ends(&self, row: usize) -> (GlobalId, GlobalId) {
         self.ends[row]
     }
 
-    /// One of them.
+    /// The record of a row.
     pub fn get(&self, row: usize) -> ContactRecord<'_> {
         let (a, b) = self.ends[row];
         let width = StateColumn::total_width(&self.columns);
@@ -123,12 +123,12 @@ impl ContactRecords {
         ContactRecord { a, b, geometry: self.geometry[row], state }
     }
 
-    /// All of them.
+    /// All records.
     pub fn iter(&self) -> impl Iterator<Item = ContactRecord<'_>> {
         (0..self.len()).map(|row| self.get(row))
     }
 
-    /// Adds one with as many numbers as the columns have.
+    /// Adds a record, which must have as many values as the columns.
     pub fn push(&mut self, named: &ContactRecord) {
         let ContactRecord { a, b, geometry, state } = *named;
         debug_assert_eq!(state.len(), StateColumn::total_width(&self.columns));
@@ -137,7 +137,7 @@ impl ContactRecords {
         self.state.extend_from_slice(state);
     }
 
-    /// Adds those of `other`, which has the same columns.
+    /// Adds the records of `other`, which has the same columns.
     pub fn append(&mut self, other: &Self) {
         debug_assert!(other.is_empty() || other.columns == self.columns);
         self.ends.extend_from_slice(&other.ends);
@@ -145,7 +145,7 @@ impl ContactRecords {
         self.state.extend_from_slice(&other.state);
     }
 
-    /// The same under other names for the second bodies; without those that get none.
+    /// Copy with renamed second bodies; records whose second body gets no name are dropped.
     #[must_use]
     pub fn renamed(&self, name: impl Fn(GlobalId) -> Option<GlobalId>) -> Self {
         let mut renamed = Self::of(&self.columns);
@@ -157,7 +157,7 @@ impl ContactRecords {
         renamed
     }
 
-    /// The same with other columns: numbers of columns that are not there are zero.
+    /// Copy with other columns; values of new columns are zero.
     #[must_use]
     pub fn with_columns(&self, columns: &[StateColumn]) -> Self {
         let place_of = |wanted: &StateColumn| {

@@ -1,24 +1,21 @@
-//! The common normal of any two smooth bodies, for pairs with a superellipsoid, by Newton's method on the unit
-//! sphere.
+//! Common normal of any two smooth bodies by Newton's method on the unit sphere, for pairs with a superellipsoid.
 //!
-//! Minimises `δ(n) = h_A(n) + h_B(-n) - n·r` over unit vectors `n` like [`CommonNormal`], from which it
-//! differs where superellipsoids differ from ellipsoids:
+//! Minimises `δ(n) = h_A(n) + h_B(-n) - n·r` over unit vectors `n` like [`CommonNormal`]. The differences follow from those between
+//! superellipsoids and ellipsoids:
 //!
-//! * A Hessian comes as two dyads per body ([`CurvedSupport`]), not as a matrix. It is infinite across flat
-//!   faces and zero at crests. From dyads, the trace, the determinant on the tangent plane and the adjugate
-//!   are sums without a minus sign, so that eigenvalues ten orders apart do not lose each other.
-//! * Near a flat face the support point moves like a small power of the direction, and Newton's step overshoots
-//!   without end. The flatter body then follows the step on its surface: the step moves its support point in
-//!   a straight line and the new direction is the normal there ([`Shape::follow`]). Any other step is damped
-//!   until it brings a part of what it promised (Armijo; Nocedal and Wright 2006, *Numerical Optimization*,
-//!   chapter 3).
-//! * It ends by Newton's decrement, the overlap still to be gained, because the size of a step says nothing where
-//!   curvature has no bounds.
-//! * Radii of curvature may be zero, and with them what certifies a global minimum. Where it fails, a
-//!   minimum whose overlap is not small beside the radii of curvature *there* competes with the one that
-//!   Newton's method finds from the direction of a coarse EPA.
+//! * A Hessian is given as two dyads per body ([`CurvedSupport`]), not as a matrix. It is infinite across flat faces and zero at crests.
+//!   From dyads, the trace, the determinant on the tangent plane and the adjugate are sums without a minus sign. Eigenvalues ten orders
+//!   apart therefore keep their digits.
+//! * Near a flat face the support point moves like a small power of the direction, and Newton's step overshoots without end. The flatter
+//!   body then follows the step on its surface: the step moves its support point in a straight line, and the new direction is the normal
+//!   there ([`Shape::follow`]). Any other step is damped until it brings a part of the predicted decrease (Armijo; Nocedal and Wright
+//!   2006, *Numerical Optimization*, chapter 3).
+//! * The iteration ends by Newton's decrement, the overlap still to be gained. The size of a step is no criterion where curvature has no
+//!   bounds.
+//! * Radii of curvature may be zero, and the certificate of a global minimum then fails. In that case a minimum whose overlap is not small
+//!   beside the radii of curvature *there* competes with another one: the one that Newton's method finds from the direction of a coarse EPA.
 //!
-//! Whatever it cannot settle within its evaluations goes to the next resolver of the chain.
+//! A pair that is not settled within the evaluations goes to the next resolver of the chain.
 
 use super::{
     CommonNormal, ContactResolver, Epa, Outcome, Posed, Touch, Why, count_direction, unit_of_length,
@@ -26,33 +23,33 @@ use super::{
 use crate::math::{Mat3, Vec3};
 use crate::shape::{CurvedSupport, Ellipsoid, Shape};
 
-/// Directions tried before giving up.
+/// Limit of directions tried.
 const EVALUATIONS: u32 = 30;
 /// Longest step [rad].
 const LONGEST_STEP: f64 = 0.5;
 /// Part of the predicted decrease that a step must bring (Armijo).
 const SUFFICIENT: f64 = 1e-4;
-/// The same of a step that follows a surface, or the damped step is taken instead.
+/// Part of the predicted decrease that a step on a surface must bring, or the damped step is taken.
 const WORTHWHILE: f64 = 0.01;
 /// Rounding of `δ`, in units of the pair's length.
 const ROUNDING: f64 = 4e-15;
-/// With less than this to be gained [units], `δ` is all rounding and the decrement itself is what decreases.
+/// With less than this to be gained [units], `δ` is rounding only, and the decrement itself must decrease.
 const NEAR: f64 = 1e-14;
-/// With less than this to be gained [units], which may be less where the Hessian is that of a flat face, a step that
-/// changes nothing is the last.
+/// With less than this to be gained [units], a step that changes nothing is the last.
+///
+/// The gain may be overestimated by the Hessian of a flat face.
 const BELOW_ROUNDING: f64 = 1e-11;
-/// With less than this to be gained [units] after the closing correction nothing is left.
+/// With less than this to be gained [units], nothing is left after the closing correction.
 const NOTHING: f64 = 1e-28;
-/// A minimum has to compete if its overlap is more than this part of the radii of curvature, or of the inscribed
-/// ones.
+/// A minimum must compete if its overlap is more than this part of the radii of curvature, or of the inscribed radii.
 const DOUBTFUL: f64 = 0.1;
-/// Finds the rival: a minimum that wins may be this far above the global one [units].
+/// Finds the competing minimum, which may be this far above the global one [units].
 const RIVAL: Epa = Epa::new(1e-7);
 
-/// Finds a start, where the first one was too far off.
+/// Finds a start where the first one was too far off.
 const START: Epa = Epa::new(1e-10);
 
-/// Resolves smooth bodies of any kind by their common normal.
+/// Resolver of smooth bodies of any kind by their common normal.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SmoothCommonNormal;
 
@@ -61,7 +58,7 @@ impl ContactResolver for SmoothCommonNormal {
         "common-normal"
     }
 
-    /// Two ellipsoids, superellipsoids with exponents of 1 among them, are left to [`CommonNormal`].
+    /// Resolves a pair. Two ellipsoids, also superellipsoids with exponents of 1, are left to [`CommonNormal`].
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
         if let (Some(round_a), Some(round_b)) = (ellipsoid(a.shape), ellipsoid(b.shape)) {
             let (round_a, round_b) = (Shape::Ellipsoid(round_a), Shape::Ellipsoid(round_b));
@@ -78,12 +75,12 @@ impl ContactResolver for SmoothCommonNormal {
         let unit = unit_of_length(radius_a, radius_b);
         let pair = SmoothPair::new([a, b], r, unit);
         let start = warm.copied().or_else(|| pair.cold_start());
-        // Without a start the centres coincide.
+        // The start is `None` only if the centres coincide.
         start.map_or(Outcome::Failed(Why::TooDeep), |n| pair.resolve(&n).in_metres(unit))
     }
 }
 
-/// The touch at the minimum of `δ` beside a direction that another method has found.
+/// Contact at the minimum of `δ` near a direction that another method has found.
 pub(super) fn touch_beside(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Option<Touch> {
     let unit = unit_of_length(a.bounding_radius(), b.bounding_radius());
     let pair = SmoothPair::new([a, b], r, unit);
@@ -95,12 +92,12 @@ pub(super) fn touch_beside(a: &Posed, b: &Posed, r: &Vec3, normal: &Vec3) -> Opt
     }
 }
 
-/// A contact, unless the closing correction brought the overlap to nothing.
+/// A contact, or apart if the closing correction brought the overlap to zero.
 fn settled(touch: Touch) -> Outcome {
     if touch.overlap > 0.0 { Outcome::Touching(touch) } else { Outcome::Apart(0.0) }
 }
 
-/// The ellipsoid that a shape is, if it is one.
+/// The ellipsoid equal to a shape, if there is one.
 fn ellipsoid(shape: &Shape) -> Option<Ellipsoid> {
     match shape {
         Shape::Sphere(s) => Some(Ellipsoid { semi_axes: Vec3::repeat(s.radius) }),
@@ -114,20 +111,20 @@ fn ellipsoid(shape: &Shape) -> Option<Ellipsoid> {
 struct SmoothPair<'a> {
     bodies: [&'a Posed<'a>; 2],
     r: Vec3,
-    /// The unit of length [m], and its inverse.
+    /// Unit of length [m], and its inverse.
     unit: f64,
     per_metre: f64,
-    /// The same for lengths of each body at a scale of 1.
+    /// Unit and inverse for lengths of each body at a scale of 1.
     own_units: [f64; 2],
     per_own_metre: [f64; 2],
 }
 
-/// A body's support point and curvature along the outward direction `n` or `-n`.
+/// Support point and curvature of a body along the outward direction `n` or `-n`.
 struct Side {
-    /// Direction and support in the body's own frame, at a scale of 1 [m].
+    /// Direction and support point in the body's own frame, at a scale of 1 [m].
     direction: Vec3,
     own: CurvedSupport,
-    /// Support in world axes [units].
+    /// Support point in world axes [units].
     world: CurvedSupport,
 }
 
@@ -143,11 +140,11 @@ struct Evaluation {
     product: f64,
 }
 
-/// Where Newton's method ended.
+/// Result of Newton's method.
 enum Minimum {
-    /// With this clearance.
+    /// Apart, with this clearance.
     Apart(f64),
-    /// With the smaller of the surfaces' radii of curvature there, added up.
+    /// A minimum, with the sum of the surfaces' smaller radii of curvature there.
     At {
         touch: Touch,
         radius: f64,
@@ -168,8 +165,9 @@ impl Evaluation {
         ]
     }
 
-    /// Newton's own shift is `δ`, wherever its step leads downhill. Elsewhere a little less than the
-    /// product over the sum of the eigenvalues, which is below both of them.
+    /// Shift of Newton's method: `δ` wherever its step leads downhill.
+    ///
+    /// Elsewhere it is a little less than the product over the sum of the eigenvalues, which is below both of them.
     #[inline]
     fn shift(&self) -> f64 {
         let (shift, trace) = (self.delta, self.trace);
@@ -177,14 +175,13 @@ impl Evaluation {
         if determinant > 0.0 && 2.0 * shift < trace { shift } else { 0.9 * (self.product / trace) }
     }
 
-    /// Newton's step `-(H - shift)⁻¹ g` on the tangent plane. The adjugate of a dyad is the dyad of
-    /// its vector turned by 90° about the normal.
+    /// Newton's step `-(H - shift)⁻¹ g` on the tangent plane.
     #[inline]
     fn newton(&self) -> Vec3 {
         -self.solve(&self.gradient, self.shift())
     }
 
-    /// `(H - shift)⁻¹ v` on the tangent plane.
+    /// `(H - shift)⁻¹ v` on the tangent plane. The adjugate of a dyad is the dyad of its vector turned by 90° about the normal.
     #[inline]
     fn solve(&self, v: &Vec3, shift: f64) -> Vec3 {
         let determinant = (self.product - shift * self.trace) + shift * shift;
@@ -205,7 +202,7 @@ impl Evaluation {
 }
 
 impl<'a> SmoothPair<'a> {
-    /// Of two bodies at `r` from each other, in a unit of length [m].
+    /// A pair of bodies at `r` from each other, in a unit of length [m].
     #[inline]
     fn new(bodies: [&'a Posed<'a>; 2], r: &Vec3, unit: f64) -> Self {
         let per_metre = 1.0 / unit;
@@ -219,8 +216,9 @@ impl<'a> SmoothPair<'a> {
         }
     }
 
-    /// The normal of the ellipsoids that have the bodies' semi-axes if they were of one form and orientation and
-    /// touched: `(A + B)⁻¹ r` with `A = R diag(a²) Rᵀ`.
+    /// First direction: `(A + B)⁻¹ r` with `A = R diag(a²) Rᵀ`.
+    ///
+    /// It is the normal of touching ellipsoids that have the bodies' semi-axes and the same proportions and orientation.
     fn cold_start(&self) -> Option<Vec3> {
         let matrix = |body: &Posed| {
             let axes = body.semi_axes() * self.per_metre;
@@ -244,8 +242,8 @@ impl<'a> SmoothPair<'a> {
         };
         let [a, b] = self.bodies;
         let certain = a.smallest_curvature_radius() + b.smallest_curvature_radius();
-        // A flat face has any radius of curvature, and is a minimum from the far side of the body, too; the smaller body's
-        // is no deeper than that body.
+        // A flat face has any radius of curvature, and is a minimum from the far side of the body, too. A face of the smaller body is no
+        // deeper than that body.
         let inscribed = a.inscribed_radius().min(b.inscribed_radius());
         let radius = radius.min(inscribed * self.per_metre);
         if touch.overlap < certain * self.per_metre || touch.overlap < DOUBTFUL * radius {
@@ -255,20 +253,20 @@ impl<'a> SmoothPair<'a> {
             Outcome::Touching(coarse) => match self.minimise(&coarse.normal) {
                 Minimum::Apart(clearance) => Outcome::Apart(clearance),
                 Minimum::At { touch: rival, .. } if rival.overlap < touch.overlap => settled(rival),
-                // A better minimum is there, and was not reached.
+                // A better minimum exists and was not reached.
                 Minimum::Failed(why) if coarse.overlap * self.per_metre < touch.overlap => {
                     Outcome::Failed(why)
                 }
                 _ => settled(touch),
             },
             Outcome::Apart(clearance) => Outcome::Apart(clearance * self.per_metre),
-            // No start for a rival: a minimum will do, a saddle not.
+            // No start for a competitor: a minimum is accepted, a saddle is not.
             Outcome::Failed(_) if touch.overlap < radius => settled(touch),
             failed @ Outcome::Failed(_) => failed,
         }
     }
 
-    /// From the direction of EPA, where Newton's method has lost its way from another.
+    /// Resolves from the direction of EPA, where Newton's method did not converge from the first one.
     fn resolve_by_epa(&self) -> Outcome {
         let [a, b] = self.bodies;
         let coarse = match START.touch(a, b, &(self.r * self.unit), None) {
@@ -329,7 +327,7 @@ impl<'a> SmoothPair<'a> {
         Some(e)
     }
 
-    /// Goes downhill from `start`, a unit vector.
+    /// Minimises from `start`, a unit vector.
     fn minimise(&self, start: &Vec3) -> Minimum {
         let Some(mut here) = self.evaluate(*start) else {
             return Minimum::Failed(Why::NotSmooth);
@@ -338,7 +336,7 @@ impl<'a> SmoothPair<'a> {
         let mut gained = f64::INFINITY;
         loop {
             if here.delta <= 0.0 {
-                // No more than is certain.
+                // Only the certain part.
                 return Minimum::Apart((-here.delta - ROUNDING).max(0.0));
             }
             let mut step = here.newton();
@@ -350,8 +348,8 @@ impl<'a> SmoothPair<'a> {
             if !(slope <= 0.0 && slope > f64::NEG_INFINITY) {
                 return Minimum::Failed(Why::NotFinite);
             }
-            // Newton's decrement: what this step will gain. Quadratic convergence leaves its cube over the
-            // square of what the last one gained. If it does not decrease, it is all rounding.
+            // Newton's decrement: the gain of this step. Quadratic convergence leaves its cube over the square of the last gain. A gain that
+            // does not decrease is rounding.
             let gain = -0.5 * slope;
             let left = gain * ((gain / gained) * (gain / gained));
             if gain <= NEAR && (gain <= NOTHING || left <= NOTHING || gain >= 0.25 * gained) {
@@ -368,7 +366,7 @@ impl<'a> SmoothPair<'a> {
             let changed = (next.delta - here.delta).abs();
             here = next;
             if gain <= BELOW_ROUNDING && changed <= ROUNDING {
-                // Where a face is flatter than a Hessian can be, there is no gain, but the point is right.
+                // Where a face is flatter than a Hessian can represent there is no gain, but the point is right.
                 let point = self.corrected(&here, &here.newton()).point;
                 let touch = Touch { overlap: here.delta, normal: here.normal, point };
                 return Minimum::At { touch, radius: here.smaller_radius() };
@@ -376,8 +374,7 @@ impl<'a> SmoothPair<'a> {
         }
     }
 
-    /// The evaluation after a step that goes downhill far enough, or `None` if there is none within the
-    /// evaluations allowed.
+    /// The evaluation after a step with sufficient decrease, or `None` if there is none within the evaluations allowed.
     #[inline]
     fn advance(
         &self,
@@ -402,16 +399,16 @@ impl<'a> SmoothPair<'a> {
             if excess <= SUFFICIENT * part * slope + ROUNDING {
                 return Some(there);
             }
-            // The minimum of the parabola through both values and the slope.
+            // Minimum of the parabola through both values and the slope.
             let fraction = -0.5 * part * slope / (excess - part * slope);
             part *= fraction.clamp(0.1, 0.5);
         }
         None
     }
 
-    /// Where the step leads if each body's support point moves on its surface as the step says, instead of the
-    /// direction; `None` if that is no better for either. The two directions that come of it are weighed with the
-    /// Hessians: a body decides where it is the flatter one.
+    /// Direction after each body's support point has moved on its surface by the step; `None` if that is no better for either body.
+    ///
+    /// The two resulting directions are weighted with the Hessians, so the flatter body decides.
     #[inline]
     fn followed(&self, here: &Evaluation, step: &Vec3) -> Option<Vec3> {
         let on_a = self.followed_on(0, here, step);
@@ -425,7 +422,7 @@ impl<'a> SmoothPair<'a> {
         Some(here.normal + here.solve(&moved, 0.0))
     }
 
-    /// By how much the normal turns if the support point of one body moves on its surface as the step says.
+    /// Turn of the normal when the support point of one body moves on its surface by the step.
     #[inline]
     fn followed_on(&self, index: usize, here: &Evaluation, step: &Vec3) -> Option<Vec3> {
         let sign = if index == 1 { -1.0 } else { 1.0 };
@@ -433,13 +430,14 @@ impl<'a> SmoothPair<'a> {
         let step = body.frame.tr_mul(step) * sign;
         let direction = body.shape.follow(&side.own, &side.direction, &step)?;
         let direction = body.frame * direction * sign;
-        // Of height 1, like the other's.
+        // Scaled to height 1, like the other body's.
         let height = direction.dot(&here.normal);
         (height > 0.0).then(|| direction / height - here.normal)
     }
 
-    /// The touch after one more step with the last Hessian. Support points follow their own body's compliance,
-    /// which keeps the contact point quiet where a surface is nearly flat.
+    /// Contact after one more step with the last Hessian.
+    ///
+    /// Support points follow the compliance of their own body, which keeps the contact point steady where a surface is nearly flat.
     fn corrected(&self, e: &Evaluation, step: &Vec3) -> Touch {
         let [a, b] = [&e.sides[0].world, &e.sides[1].world];
         let on_a = a.point + a.hessian_times(step);

@@ -1,6 +1,6 @@
-//! Two spheres: the closed form.
+//! Closed form of two spheres.
 //!
-//! Always chosen for this pair: exact, and ten times cheaper than any iteration.
+//! It is always chosen for this pair: exact, and ten times cheaper than any iteration.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -12,7 +12,7 @@ use crate::lanes::{Eight, Gather};
 use crate::math::Vec3;
 use crate::shape::Shape;
 
-/// Resolves a sphere against a sphere.
+/// Resolver of two spheres.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SphereSphere;
 
@@ -22,7 +22,7 @@ impl ContactResolver for SphereSphere {
     }
 
     /// # Panics
-    /// If a body is not a sphere: the table of resolvers was filled wrongly.
+    /// If a body is not a sphere, that is, if the table of resolvers is wrong.
     #[inline]
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, _warm: Option<&Vec3>) -> Outcome {
         let (Shape::Sphere(of_a), Shape::Sphere(of_b)) = (a.shape, b.shape) else {
@@ -35,7 +35,7 @@ impl ContactResolver for SphereSphere {
             return Outcome::Apart(squared.sqrt() - reach);
         }
         if squared == 0.0 {
-            // Every direction is a normal: none can be preferred.
+            // Every direction is a normal, and none can be preferred.
             return Outcome::Failed(Why::TooDeep);
         }
         let distance = squared.sqrt();
@@ -78,7 +78,7 @@ mod tests {
     use crate::random::Random;
     use crate::shape::{Shape, Sphere};
 
-    /// Each outcome of a batch, by pair.
+    /// Outcomes of a batch, by pair.
     fn outcomes(found: &Found, pairs: usize) -> Vec<Outcome> {
         let mut outcomes = vec![None; pairs];
         let touching = found.contacts.iter().map(|c| (c.pair, Outcome::Touching(c.touch)));
@@ -91,7 +91,7 @@ mod tests {
         outcomes.into_iter().map(|outcome| outcome.expect("every pair is answered")).collect()
     }
 
-    /// With and without vector registers, of one size and of two, across a period, coincident and where no number is.
+    /// With and without vector registers: equal and different radii, across a periodic boundary, coincident centres and NaN.
     #[test]
     fn lanes_say_what_one_pair_is_told() {
         let library = [1.0, 0.4].map(|radius| Shape::Sphere(Sphere { radius }));

@@ -1,21 +1,23 @@
 //! A smooth body against a facet of a triangle mesh: a face, an edge or a corner ([`crate::shape::triangle_mesh`]).
 //!
-//! With `h` the support function of the body about its centre and `c` the way from a point of the facet to that centre, the
-//! bound of the overlap along a direction `n` out of the surface is `δ(n) = h(-n) - n·c`.
+//! `h` is the support function of the body about its centre, and `c` points from a point of the facet to that centre. The bound of the
+//! overlap along a direction `n` out of the surface is `δ(n) = h(-n) - n·c`.
 //!
 //! | facet | directions | overlap |
 //! |---|---|---|
-//! | face | its normal, on the side of the centre | `δ`, if the deepest point of the body stands over the face and has come through it: the answer of the plane |
-//! | edge | those between the normals of its faces | least `δ` of them, if it lies between both and on the edge: roots of `dδ/dn` in one angle |
-//! | strip of a cylinder or a cone | its normals | from inside each local maximum of `δ`: a long body has two; from outside the least `δ`; if its foot is between the ends and in the body |
-//! | rim, where such a surface ends | from one normal of it over the way out to the other | that of its tangent as an edge, where this is right above the point of the rim |
-//! | edge, in a fold | from the normal of one of its faces to the plane of the other | the same, of the face that the body has left |
-//! | corner | at right angles or more to its edges | least `δ`, as of a sphere without radius |
+//! | face | its normal, on the side of the centre | `δ`, as for a plane, if the deepest point of the body is over the face and has passed through it |
+//! | edge | those between the normals of its faces | least `δ`, if it lies between both normals and on the edge: roots of `dδ/dn` in one angle |
+//! | strip of a cylinder or a cone | its normals | from inside each local maximum of `δ` (a long body has two), from outside the least `δ`; its foot must be between the ends and in the body |
+//! | rim at the end of such a surface | from one normal of it over the outward direction to the other | least `δ` of the tangent taken as an edge, where it is at the point of the rim |
+//! | edge, in a fold | from the normal of one of its faces to the plane of the other | least `δ`, for the face that the body has left |
+//! | corner | at right angles or more to its edges | least `δ`, as for a sphere of radius zero |
 //!
-//! All on the side of the surface on which the centre of the body is: a long body in a shallow fold would else be pushed through it.
+//! Directions are on the side of the surface where the centre of the body is. Otherwise a long body in a shallow fold would be pushed
+//! through it.
 //!
-//! What one facet loses at its border another gains with the same normal, so forces on convex surfaces are continuous, and of
-//! edges and corners each is met once. Regions extend by [`BORDER`] over their borders, so that none is lost by rounding; what is then
+//! A contact that leaves one facet at its border continues at another with the same normal, so forces on convex surfaces are continuous.
+//! Each contact at edges and corners is found once. Regions extend by [`BORDER`] over their borders, so that none is lost by rounding.
+//! Duplicates from that are merged when contacts are sorted.
 //! found twice is merged when contacts are put in order.
 
 use super::gjk::{Difference, Separation, separate};
@@ -27,21 +29,22 @@ use crate::shape::triangle_mesh::{MeshFacet, Rim, Strip, Tangent, TriangleMesh, 
 use crate::shape::{Shape, Sphere, Spherocylinder};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// How far the region of a facet goes beyond its border, over the radius of the body.
+/// Extent of the region of a facet beyond its border, over the radius of the body.
 const BORDER: f64 = 1e-9;
-/// The directions of an edge are searched in parts of this size at most [rad].
+/// Largest part in which the directions of an edge are searched [rad].
 const PART: f64 = 0.25 * PI;
-/// The angle about an edge is as exact as this [rad].
+/// Accuracy of the angle about an edge [rad].
 const ANGLE: f64 = 1e-15;
-/// Relative duality gap where only whether bodies are apart is asked.
+/// Relative duality gap where only the separation of bodies is needed.
 const APART: f64 = 1e-6;
-/// Radius that stands for that of a point, over the size of the grain.
+/// Radius of the sphere that replaces a point, over the size of the particle.
 const POINT: f64 = 1e-9;
 
-/// Resolves any smooth shape (A) against a facet of a mesh (B). The relative position runs from the centre of A to the
-/// reference point of the wall.
+/// Resolver of any smooth shape (A) against a facet of a mesh (B).
+///
+/// The relative position points from the centre of A to the reference point of the wall.
 pub struct AgainstTriangleMesh {
-    /// Against a point.
+    /// Resolver against a point.
     points: Chain,
 }
 
@@ -59,12 +62,12 @@ impl ContactResolver for AgainstTriangleMesh {
     }
 
     /// # Panics
-    /// If B is not a triangle mesh: the table of resolvers was filled wrongly.
+    /// If B is not a triangle mesh, that is, if the table of resolvers is wrong.
     fn touch(&self, a: &Posed, b: &Posed, r: &Vec3, warm: Option<&Vec3>) -> Outcome {
         let Shape::TriangleMesh(mesh) = b.shape else {
             unreachable!("a facet is the second body of its pairs")
         };
-        // In the axes of the wall, in which the facets stay as they are.
+        // In the axes of the wall, in which the facets are fixed.
         let frame = b.frame.tr_mul(a.frame);
         let body = Body {
             a: Posed { frame: &frame, ..*a },
@@ -101,16 +104,18 @@ impl ContactResolver for AgainstTriangleMesh {
 /// A body in the axes of the wall.
 struct Body<'a> {
     a: Posed<'a>,
-    /// Of a sphere; else 0 [m].
+    /// Radius of a sphere; 0 for other shapes [m].
     radius: f64,
-    /// Its centre [m].
+    /// Centre [m].
     centre: Vec3,
-    /// How far over borders it is looked for [m].
+    /// Extent of regions beyond their borders [m].
     border: f64,
 }
 
-/// Where the two faces of an edge are felt beyond it in its fold, if they are not one: from the normal of each to the plane of the other, as the edge faces
-/// outside: a direction, one a quarter turn on, and an angle [rad].
+/// Ranges of directions in which the two faces of an edge act beyond it, in its fold; `None` if the faces count as one.
+///
+/// Each range goes from the normal of one face to the plane of the other. It is given as for the outside of an edge: a direction, one a
+/// quarter turn on, and an angle [rad].
 fn folds(
     mesh: &TriangleMesh,
     (first, quarter, opening): &(Vec3, Vec3, f64),
@@ -122,21 +127,21 @@ fn folds(
         .then_some([(-first, *quarter, in_fold), (-last, -next, in_fold)])
 }
 
-/// A body that reaches over a line.
+/// A body that overlaps a line.
 struct OnLine {
-    /// How deep it is [m].
+    /// Overlap [m].
     overlap: f64,
-    /// The direction out of the line.
+    /// Direction out of the line.
     out: Vec3,
-    /// The deepest point, from the centre [m].
+    /// Deepest point, relative to the centre [m].
     deepest: Vec3,
 }
 
-/// Another facet has the contact: look again.
+/// Another facet has the contact; the pair is examined again at the next step.
 const ELSEWHERE: Outcome = Outcome::Apart(0.0);
 
 impl Body<'_> {
-    /// Farther away from a point than the body reaches?
+    /// Apart if a point is farther away than the bounding radius.
     fn apart_from(&self, nearest: &Vec3) -> Option<Outcome> {
         let clearance = (self.centre - nearest).norm() - self.a.bounding_radius();
         (clearance > 0.0).then_some(Outcome::Apart(clearance))
@@ -155,7 +160,7 @@ impl Body<'_> {
                 return ELSEWHERE;
             }
             if self.radius == 0.0 {
-                // Beside the rim of a sheet a long body may come to the plane where no face is.
+                // Beside the rim of a sheet, a long body may reach the plane where no face is.
                 let crossing = self.centre + deepest * (height / (height + overlap));
                 let is_through = self.a.contains(&(foot - self.centre))
                     || mesh.is_on_face(face, &crossing, self.border);
@@ -167,13 +172,13 @@ impl Body<'_> {
         touch
     }
 
-    /// Has a body come through a face, over whose foot its deepest point stands?
+    /// Whether a body has passed through a face, with its deepest point over the foot on it.
     fn comes_through(&self, mesh: &TriangleMesh, face: u32, foot: &Vec3, deepest: &Vec3) -> bool {
-        // The end of a body that lies over an edge comes to the back of the face beyond it.
+        // The end of a body over an edge can reach the back of the face beyond it.
         if mesh.between(Some(face), &self.centre, foot, self.border).is_some() {
             return false;
         }
-        // That of a body beside a sharp edge stands over the other face, outside of the wall.
+        // The end of a body beside a sharp edge is over the other face, outside of the wall.
         let end = self.centre + deepest;
         let is_beside = |behind: Vec3| {
             !self.a.contains(&(behind - self.centre))
@@ -215,19 +220,20 @@ impl Body<'_> {
         self.where_it_reaches(&found, |body| body.reaches(from, along, *length, first))
     }
 
-    /// The least overlap along the directions in which a line faces: from the first over a quarter turn on, an angle. The way runs from the line to
-    /// the centre.
+    /// Least overlap along the directions in which a line faces: from the first by the angle `opening` towards a quarter turn on.
+    ///
+    /// `way` points from the line to the centre.
     fn on_line(&self, way: &Vec3, [first, quarter]: [&Vec3; 2], opening: f64) -> Option<OnLine> {
         let direction = |angle: f64| {
             let (sine, cosine) = libm::sincos(angle);
             (first * cosine + quarter * sine, quarter * cosine - first * sine)
         };
-        // How far the deepest point along a direction lies beyond the edge, to the side of larger angles: -dδ/dθ.
+        // Position of the deepest point along a direction beyond the edge, towards larger angles: -dδ/dθ.
         let beyond = |angle: f64| {
             let (out, on) = direction(angle);
             (self.a.support(&-out) + way).dot(&on)
         };
-        // δ may have several minima, as of a flat body with the edge in it: one of them on each side.
+        // δ may have several minima, as for a flat body that contains the edge: one of them on each side.
         let parts = (opening / PART).ceil().max(1.0);
         let mut from = (0.0, beyond(0.0));
         let mut found: Option<OnLine> = None;
@@ -249,7 +255,7 @@ impl Body<'_> {
         found
     }
 
-    /// A body beside an edge may be deep along a direction in which the edge faces, and not come to it.
+    /// A body beside an edge may be deep along a direction in which the edge faces without reaching it.
     fn where_it_reaches(&self, found: &OnLine, reaches: impl Fn(&Self) -> bool) -> Outcome {
         let OnLine { overlap, out, deepest } = *found;
         let foot = deepest + out * overlap;
@@ -258,11 +264,11 @@ impl Body<'_> {
         }
         let touch =
             Touch { overlap, normal: -out, point: deepest + out * (0.5 * overlap) }.outcome();
-        // Along other edges it may come nearer.
+        // It may be nearer to other edges.
         if let Outcome::Apart(_) = touch { ELSEWHERE } else { touch }
     }
 
-    /// Does a point of an edge lie in the body?
+    /// Whether a point of an edge lies in the body.
     fn reaches(&self, from: &Vec3, along: &Vec3, length: f64, across: &Vec3) -> bool {
         let radius = POINT * self.a.bounding_radius();
         let segment = Shape::Spherocylinder(Spherocylinder { length, radius });
@@ -274,8 +280,10 @@ impl Body<'_> {
         !matches!(found, Separation::Apart(_) | Separation::Beyond(_))
     }
 
-    /// With `n` the normal away from the axis, `δ = h(n) + n·c - d` for a body inside, `d - n·c + h(-n)` for one outside, where `n·x = d`
-    /// is the plane that touches the surface along a line. What touches all around, on the axis, is met by the first strip alone.
+    /// Contact with a strip of a cylinder or a cone.
+    ///
+    /// `n` is the normal away from the axis, and `n·x = d` is the plane that touches the surface along a line. Then `δ = h(n) + n·c - d` for a
+    /// body inside and `d - n·c + h(-n)` for one outside. A body on the axis that touches all around is found by the first strip only.
     fn on_strip(&self, strip: &Strip) -> Outcome {
         let Strip { from, axis, length, radius, slope, first, quarter, .. } = strip;
         let way = self.centre - from;
@@ -293,7 +301,7 @@ impl Body<'_> {
             let across = first * cosine + quarter * sine;
             ((across - axis * *slope) / steep, quarter * cosine - first * sine)
         };
-        // How fast δ grows with the angle from inside, and falls from outside.
+        // Slope of δ with the angle for a body inside; its negative for a body outside.
         let grows = |angle: f64| {
             let (normal, on) = directions(angle);
             (self.a.support(&(normal * side)) + way).dot(&on)
@@ -302,7 +310,7 @@ impl Body<'_> {
             if self.radius > 0.0 { self.of_sphere(&out, strip) } else { self.around(grows, strip) };
         let Some(angle) = angle else { return ELSEWHERE };
         let into = directions(angle).0 * side;
-        // The far side of what it touches from outside is behind it.
+        // From outside, a contact on the far side is behind the surface.
         if side < 0.0 && self.radius == 0.0 && into.dot(&out) >= 0.0 {
             return ELSEWHERE;
         }
@@ -314,7 +322,7 @@ impl Body<'_> {
         if overlap <= 0.0 || !is_on(&foot) {
             return ELSEWHERE;
         }
-        // Beside its end a long body may come to where the surface would go on.
+        // Beyond its end, a long body may touch the continuation of the surface.
         let crossing = deepest * (1.0 - overlap / deepest.dot(&into));
         if self.radius == 0.0 && !self.a.contains(&foot) && !is_on(&crossing) {
             return ELSEWHERE;
@@ -322,7 +330,7 @@ impl Body<'_> {
         Touch { overlap, normal: into, point: deepest - into * (0.5 * overlap) }.outcome()
     }
 
-    /// The angle of a sphere whose centre is so far from the axis, if it is on this strip.
+    /// Angle of a sphere whose centre is at this vector from the axis, if it is on this strip.
     fn of_sphere(&self, out: &Vec3, strip: &Strip) -> Option<f64> {
         let Strip { first, quarter, opening, is_first, .. } = strip;
         if out.norm() <= self.border {
@@ -332,8 +340,9 @@ impl Body<'_> {
         (-BORDER..=opening + BORDER).contains(&angle).then_some(angle)
     }
 
-    /// The angle at which a function that is not negative at the first line of a strip, and not positive at the last, is 0. One that is 0 all around
-    /// the axis is so on the first strip alone.
+    /// Root of a function of the angle that is not negative at the first line of a strip and not positive at the last.
+    ///
+    /// A function that is zero all around the axis has its root on the first strip only.
     fn around(&self, f: impl Fn(f64) -> f64, strip: &Strip) -> Option<f64> {
         let (low, high) = (f(0.0), f(strip.opening));
         let all_around = low.abs() <= self.border && high.abs() <= self.border;
@@ -352,7 +361,7 @@ impl Body<'_> {
         if clearance > 0.0 {
             return Outcome::Apart(clearance);
         }
-        // Most bodies at the end of a surface do not come over it.
+        // Most bodies near the end of a surface do not extend beyond it.
         let over = strip.axis * *outwards;
         if (way + self.a.support(&over)).dot(&over) <= 0.0 {
             return ELSEWHERE;
@@ -365,7 +374,7 @@ impl Body<'_> {
             let Tangent { at, first, quarter, .. } = tangent;
             self.on_line(&(self.centre - at), [first, quarter], TAU)
         };
-        // How far the deepest point lies beyond the plane of the axis and a point of the rim.
+        // Distance of the deepest point beyond the plane of the axis and a point of the rim.
         let beyond = |angle: f64| {
             let tangent = rim.tangent(angle);
             seen(&tangent).map_or(0.0, |of| (of.deepest + way).dot(&tangent.along))
@@ -382,8 +391,9 @@ impl Body<'_> {
         self.where_it_reaches(&found, |body| body.reaches(&from, along, 2.0 * reach, first))
     }
 
-    /// The least scale of the body about its centre at which it comes to a triangle, if it does so at `most`: where its plane is touched first, or on a
-    /// side.
+    /// Least scale of the body about its centre at which it touches a triangle, if it does so at `most`.
+    ///
+    /// It first touches the plane of the triangle, or one of its sides.
     fn least_in(&self, corners: &[Vec3; 3], most: f64) -> Option<f64> {
         let [a, b, c] = corners;
         let normal = (b - a).cross(&(c - a)).normalize();
@@ -439,7 +449,7 @@ impl Body<'_> {
         let outcome = if self.radius > 0.0 {
             self.sphere_at(&way)
         } else {
-            // A sphere has a curvature, a point has none: what it is larger is taken off again.
+            // A point has no curvature, so a small sphere replaces it. Its radius is subtracted from the overlap.
             let radius = POINT * self.a.bounding_radius();
             let (point, upright) = (Shape::Sphere(Sphere { radius }), Mat3::identity());
             match points.touch(&self.a, &Posed::new(&point, &upright), &-way, warm) {
@@ -462,7 +472,7 @@ impl Body<'_> {
         }
     }
 
-    /// A sphere whose centre is so far from the nearest point [m].
+    /// Contact of a sphere whose centre is at this vector from the nearest point [m].
     fn sphere_at(&self, way: &Vec3) -> Outcome {
         let distance = way.norm();
         if distance == 0.0 {
@@ -473,8 +483,9 @@ impl Body<'_> {
     }
 }
 
-/// How much a smooth body must shrink about its centre to be free of all triangles of a wall, and the face that is deepest in it; `r` runs from its centre to
-/// the reference point of the wall [m]. Nothing if less than `least`.
+/// Part by which a smooth body must shrink about its centre to be free of all triangles of a wall, and the face that cuts it deepest.
+///
+/// `r` points from its centre to the reference point of the wall [m]. Returns `None` if the part is less than `least`.
 pub fn cut(a: &Posed, b: &Posed, r: &Vec3, least: f64) -> Option<(f64, u32)> {
     let Shape::TriangleMesh(mesh) = b.shape else { return None };
     // The triangles of a cylinder or a cone are not its surface.
@@ -493,8 +504,9 @@ pub fn cut(a: &Posed, b: &Posed, r: &Vec3, least: f64) -> Option<(f64, u32)> {
     found.1.map(|face| (1.0 - found.0, face))
 }
 
-/// A root of a continuous function that is not negative at the lower angle and not positive at the upper one, but for
-/// rounding: regula falsi in the form of Illinois (Dowell and Jarratt 1971, DOI 10.1007/BF01934364), and halves where that is slow.
+/// Root of a continuous function that is not negative at the lower angle and not positive at the upper one, except for rounding.
+///
+/// Regula falsi in the Illinois form (Dowell and Jarratt 1971, DOI 10.1007/BF01934364), with bisection where that is slow.
 fn root(
     f: impl Fn(f64) -> f64,
     (mut a, mut at_a): (f64, f64),
@@ -518,7 +530,7 @@ fn root(
         if at_x == 0.0 || x == a || x == b {
             return x;
         }
-        // An end that has stayed twice counts half.
+        // The value of an end that stayed twice is halved.
         let stayed = if at_x * last > 0.0 { 0.5 } else { 1.0 };
         if at_x > 0.0 {
             (a, at_a, at_b) = (x, at_x, at_b * stayed);

@@ -1,11 +1,11 @@
-//! A flow that carries the cell, and the bodies in it (see [`crate::cell`]).
+//! A flow that carries the cell and its bodies (see [`crate::cell`]).
 //!
-//! Velocities are those against the flow: `dx/dt = v + L x`, `m dv/dt = F - m L v` (the SLLOD equations; Evans and Morriss 1984,
-//! DOI 10.1103/PhysRevA.30.1528). Rotation is not driven. A step of `dt = 2h` has the first half of `-m L v` before its first kick and
-//! the other, of the implicit kind, after its last. In between the places go with the edges of the cell, so a body with `v = 0` keeps its
-//! part of each edge. All is of second order in `dt`.
+//! Velocities are relative to the flow: `dx/dt = v + L x`, `m dv/dt = F - m L v` (the SLLOD equations; Evans and Morriss 1984,
+//! DOI 10.1103/PhysRevA.30.1528). Rotation is not driven. A step of `dt = 2h` applies the first half of `-m L v` before its first kick and the
+//! other half, implicitly, after its last. In between the places move with the edges of the cell, so a body with `v = 0` keeps its fraction of
+//! each edge. The scheme is of second order in `dt`.
 //!
-//! The flow's work on the motion, `-m v · L v`, is received energy, as is its work on the contacts, which the simulation counts.
+//! The flow's work on the motion, `-m v · L v`, is received energy. So is its work on the contacts, which the simulation counts.
 
 use super::Field;
 use crate::cell::upper_inverse;
@@ -13,8 +13,10 @@ use crate::math::{Mat3, Vec3};
 use crate::particles::Particles;
 use crate::particles::columns::Quantity;
 
-/// Carries the cell and the bodies on for a step of `dt` [s], before its first kick, by the rule of the implicit midpoint:
-/// `x' - x = dt (v⁺ + L (x + x') / 2)` with the velocity `v⁺` after the kick. Bodies that may touch are no farther apart than `reach` [m].
+/// Moves the cell and the bodies by the flow in a step of `dt` [s], before its first kick.
+///
+/// It uses the implicit midpoint rule: `x' - x = dt (v⁺ + L (x + x') / 2)` with the velocity `v⁺` after the kick. `reach` is the largest distance
+/// of bodies that may touch [m].
 pub fn carry(particles: &mut Particles, field: &Field, dt: f64, reach: f64) {
     let Some(stretch) = particles.cell.carry(dt, reach) else { return };
     let (low, _) = particles.cell.corners();
@@ -32,7 +34,7 @@ pub fn carry(particles: &mut Particles, field: &Field, dt: f64, reach: f64) {
         let listed = &mut particles.listed_at[slot];
         *listed = low + stretch.places * (*listed - low);
     }
-    // Of ghosts only the way beside the flow counts, once their places of now come.
+    // For ghosts only the displacement relative to the flow counts, once their new positions arrive.
     for slot in particles.owned..particles.owned + particles.ghosts {
         let from = particles.position[slot] - low;
         particles.position[slot] = low + stretch.places * from;
@@ -45,7 +47,7 @@ pub fn carry(particles: &mut Particles, field: &Field, dt: f64, reach: f64) {
     }
 }
 
-/// The other half of what the flow does to velocities in a step of `dt` [s], after its last kick.
+/// Applies the other half of the flow's effect on velocities in a step of `dt` [s], after its last kick.
 pub fn settle(particles: &mut Particles, dt: f64) {
     let Some(rate) = particles.cell.rate().filter(|rate| *rate != Mat3::zeros()) else { return };
     let inverse = upper_inverse(&(Mat3::identity() + rate * (0.5 * dt)));
@@ -55,7 +57,7 @@ pub fn settle(particles: &mut Particles, dt: f64) {
     }
 }
 
-/// Gives a body another velocity; its energy is received.
+/// Sets the velocity of a body and counts the change of energy as received.
 fn change_velocity(particles: &mut Particles, slot: usize, after: Vec3) {
     let before = std::mem::replace(&mut particles.velocity[slot], after);
     let gained = 0.5 * particles.mass(slot) * (after - before).dot(&(after + before));

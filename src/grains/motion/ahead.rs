@@ -1,13 +1,13 @@
 //! Foreseen gains of velocities until the time of the positions.
 //!
-//! Forces belong to positions, and velocities are those of half a step `h` before them. A dashpot that feels these is of first
-//! order. The gain of a velocity until then, `h a`, is foreseen from the steps before, with less weight the longer ago:
+//! Forces belong to positions, and velocities are those of half a step `h` before them. Damping forces from these velocities are of first order.
+//! The gain of a velocity until then, `h a`, is foreseen from previous steps, with decreasing weight:
 //!
 //! `e' = (1 - w) e + w h a`, `w = 0.7`.
 //!
-//! In a steady motion `e` is `h a`; in others it comes `1/w` steps late, so a dashpot is of second order. With `w = 1` steps would have to be
-//! shorter in packings: of a velocity that changes its sign in every step `e` is `w/(2 - w)`, 0.54 here. A contact
-//! knows its own part of `e` better, see `law::kernel::dashpots`.
+//! In a steady motion `e` is `h a`. In others it lags by `1/w` steps, so damping is of second order. With `w = 1`, packings would need shorter
+//! steps: for a velocity that changes its sign in every step `e` is `w/(2 - w)`, here 0.54. A contact has a more accurate value of its own part
+//! of `e`, see `law::kernel::dashpots`.
 
 use super::{Field, Kick};
 use crate::particles::Particles;
@@ -15,7 +15,7 @@ use crate::particles::Particles;
 /// Weight of the last step.
 const WEIGHT: f64 = 0.7;
 
-/// Foresees what velocities gain, before the first kick of a step of `dt` [s]. Of particles that are held it is nothing.
+/// Updates the foreseen gains of velocities before the first kick of a step of `dt` [s]. They stay zero for held particles.
 pub fn foresee(particles: &mut Particles, field: &Field, dt: f64) {
     let kick = Kick::first(field, dt);
     let any_held = particles.library.held_shapes > 0;
@@ -34,7 +34,7 @@ pub fn foresee(particles: &mut Particles, field: &Field, dt: f64) {
                 let after = kick.after(&before, &spin.torque[slot].vector, 1.0);
                 let mut kicked = after - before;
                 if particles.needs.orientation {
-                    // Euler's torque: angular velocities of bodies that are no spheres change by themselves.
+                    // Euler's torque: angular velocities of bodies other than spheres change without a moment.
                     let turning = particles.angular_velocity_for(slot, &before);
                     kicked -= turning.cross(&before) * kick.half;
                 }

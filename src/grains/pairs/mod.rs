@@ -1,8 +1,8 @@
-//! Pairs that stand by themselves: read from a file, resolved by a method, and timed.
+//! Separate pairs of bodies: read from a file, resolved by a method, and timed.
 //!
-//! This is how a contact is checked by hand, without a simulation around it.
+//! They serve to check a contact by hand, without a simulation around it.
 //!
-//! | file | what it is |
+//! | file | content |
 //! |---|---|
 //! | [`read`] | pairs from CSV and JSON Lines |
 //! | [`write`] | pairs and answers as CSV |
@@ -24,19 +24,19 @@ use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-/// A body somewhere in the world.
+/// A body in the world.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Its geometry.
+    /// Geometry.
     pub shape: Shape,
-    /// Its centre [m].
+    /// Centre [m].
     pub centre: Vec3,
-    /// From its own axes to the world.
+    /// Rotation from its own axes to the world.
     pub rotation: Quat,
 }
 
 impl Body {
-    /// The pieces of a union, in place; of any other body itself.
+    /// Pieces of a union, in place; for any other body the body itself.
     fn pieces(&self) -> Vec<Self> {
         let Shape::Union(union) = &self.shape else { return vec![self.clone()] };
         let place = |piece: &Piece| Self {
@@ -64,7 +64,7 @@ pub struct Pairs {
     alike: BTreeMap<(Kind, [u64; 4]), Vec<ShapeId>>,
 }
 
-/// There are more different shapes than a [`ShapeId`] can name.
+/// Error for more different shapes than a [`ShapeId`] can number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("more than 65,536 different shapes: split the file")]
 pub struct TooManyShapes;
@@ -90,7 +90,7 @@ impl Pairs {
         Ok(())
     }
 
-    /// A shape that came up before is not stored again.
+    /// Id of a shape. Equal shapes are stored once.
     fn shape_id(&mut self, shape: Shape) -> Result<ShapeId, TooManyShapes> {
         let lengths = shape.semi_axes();
         let sizes = [lengths.x, lengths.y, lengths.z, shape.volume()].map(f64::to_bits);
@@ -105,22 +105,22 @@ impl Pairs {
         Ok(id)
     }
 
-    /// How many pairs there are.
+    /// Number of pairs.
     pub const fn len(&self) -> usize {
         self.slots.len()
     }
 
-    /// Is there none?
+    /// Whether there are no pairs.
     pub const fn is_empty(&self) -> bool {
         self.slots.is_empty()
     }
 
-    /// What a pair is called.
+    /// Name of a pair.
     pub fn name(&self, pair: usize) -> &str {
         &self.names[pair]
     }
 
-    /// A pair as resolvers see it: A, B, and `r` from the centre of A to the centre of B [m].
+    /// A pair for a resolver: A, B, and `r` from the centre of A to the centre of B [m].
     pub fn posed(&self, pair: usize) -> (Posed<'_>, Posed<'_>, Vec3) {
         let pair = self.slots[pair];
         let posed = |slot: Slot| {
@@ -130,7 +130,7 @@ impl Pairs {
         (posed(pair.a), posed(pair.b), self.bodies().relative(pair))
     }
 
-    /// Body A and B of a pair.
+    /// Bodies A and B of a pair.
     pub fn bodies_of(&self, pair: usize) -> [Body; 2] {
         let Pair { a, b } = self.slots[pair];
         [a, b].map(|slot| {
@@ -140,13 +140,13 @@ impl Pairs {
         })
     }
 
-    /// Is one of the bodies of a pair a union?
+    /// Whether one of the bodies of a pair is a union.
     pub fn has_union(&self, pair: usize) -> bool {
         let (a, b) = self.kinds(pair);
         [a, b].contains(&Kind::Union)
     }
 
-    /// Each piece of A beside each of B, if one of them is a union.
+    /// All pairs of a piece of A and a piece of B, if one of the bodies is a union.
     fn in_pieces(&self, pair: usize) -> Option<Self> {
         if !self.has_union(pair) {
             return None;
@@ -162,7 +162,7 @@ impl Pairs {
         Some(pairs)
     }
 
-    /// The centre of A [m].
+    /// Centre of A [m].
     pub fn centre_of_a(&self, pair: usize) -> Vec3 {
         self.position[self.slots[pair].a.index()]
     }
@@ -187,47 +187,46 @@ impl Pairs {
     }
 }
 
-/// A contact of two bodies of which one is a union, in one of the places where they touch.
+/// A contact of two bodies of which one is a union, at one of the places where they touch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Place {
-    /// Overlap, normal, and point seen from the centre of A.
+    /// Overlap, normal, and contact point relative to the centre of A.
     pub touch: Touch,
     /// For a stiffness of 1 N/m: force of A on B [N], its moment about the centre of A [N m] and energy [J].
     pub acting: [f64; 7],
-    /// The same by the law of a scene.
+    /// The corresponding values by the law of a scene.
     pub by_law: Option<[f64; 7]>,
 }
 
-/// What a method says of a pair.
+/// Result of a method for a pair.
 ///
-/// Of unions this is the pair of their pieces that overlaps the most, or is the nearest; who knows contacts of bodies adds the places.
+/// For unions it is that of the pair of pieces that overlaps the most, or is the nearest. The places are added by callers that know contacts of
+/// bodies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
-    /// The touch; of bodies that are apart, their nearest points, with the overlap negative (see
-    /// [`signed`]).
+    /// Contact geometry. For bodies that are apart, it is that of their nearest points with a negative overlap (see [`signed`]).
     pub touch: Result<Touch, Why>,
-    /// Do the bodies touch? By this method: erosion says yes to some that do not.
+    /// Whether the bodies touch by this method: erosion reports contacts for some that do not.
     pub touching: bool,
-    /// The stage of the method's chain that answered; empty if there is no touch.
+    /// Stage of the method's chain that answered; empty without an answer.
     pub stage: &'static str,
-    /// How many directions all stages tried together, see [`directions_tried`].
+    /// Number of directions that all stages tried, see [`directions_tried`].
     pub iterations: u64,
-    /// Of unions the contact in each place; none of others, and where nothing touches.
+    /// For unions the contact at each place; empty for other bodies, and where nothing touches.
     pub places: Vec<Place>,
 }
 
-/// A touch whose overlap is negative for bodies that are apart.
+/// Contact geometry with a negative overlap for bodies that are apart.
 ///
-/// The methods only determine *that* a pair is apart, and bound the clearance from below. Overlap and
-/// normal of such a pair are therefore those of [`clearance`], whatever the method.
+/// The methods only determine *that* a pair is apart, with a lower bound of the clearance. Overlap and normal of such a pair are therefore
+/// those of [`clearance`], whatever the method.
 ///
 /// # Errors
-/// Says why, if the method did not answer.
+/// The reason, if the method did not answer.
 pub fn signed(outcome: Outcome, a: &Posed, b: &Posed, r: &Vec3) -> Result<Touch, Why> {
     match outcome {
         Outcome::Touching(touch) => Ok(touch),
-        // Both bound the overlap from above: near touch, where GJK's direction is least certain, the
-        // method may know better.
+        // Both are upper bounds of the overlap. Near touch, where GJK's direction is least certain, that of the method may be better.
         Outcome::Apart(bound) => {
             let nearest = clearance(a, b, r).ok_or(Why::NoConvergence)?;
             Ok(Touch { overlap: nearest.overlap.min(0.0 - bound), ..nearest })
@@ -236,13 +235,13 @@ pub fn signed(outcome: Outcome, a: &Posed, b: &Posed, r: &Vec3) -> Result<Touch,
     }
 }
 
-/// Bodies so far apart that squares of their distance overflow have no answer.
+/// Checks an answer. Bodies so far apart that squares of their distance overflow have none.
 fn finite(touch: Touch) -> Result<Touch, Why> {
     let all = touch.normal.iter().chain(touch.point.iter()).chain([&touch.overlap]);
     if all.into_iter().all(|x| x.is_finite()) { Ok(touch) } else { Err(Why::NotFinite) }
 }
 
-/// The resolver of pairs of grains, of which a table has one for all kinds.
+/// Resolver for pairs of particles; the table has one for all kinds.
 fn serving(table: &Table, kinds: (Kind, Kind)) -> &dyn ContactResolver {
     table.get(kinds).expect("the table serves every pair of grains")
 }
@@ -277,10 +276,10 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
         };
         let (a, b, r) = pairs.posed(index);
         let touch = signed(outcome, &a, &b, &r).and_then(finite);
-        // The tally counts what the first stage passed on.
+        // The tally counts pairs that the first stage passed on.
         let stage = found.tally.fallbacks.iter().position(|&n| n > 0).map_or(0, |k| k + 1);
         Answer {
-            // A stage may say that the pair is apart, and the clearance still fail.
+            // A stage may find the pair apart, and the clearance may still fail.
             stage: if touch.is_ok() { resolver.stages()[stage] } else { "" },
             touch,
             touching: matches!(outcome, Outcome::Touching(_)),
@@ -291,7 +290,7 @@ pub fn resolve(pairs: &Pairs, method: &Method) -> Vec<Answer> {
     (0..pairs.len()).map(one).collect()
 }
 
-/// The answer of the pair of pieces that overlaps the most, seen from the centre of A; none if there is one without.
+/// The answer of the pair of pieces that overlaps the most, relative to the centre of A; without an answer if any pair has none.
 fn deepest(pieces: &Pairs, answers: &[Answer], centre_of_a: &Vec3) -> Answer {
     let overlap = |answer: &Answer| answer.touch.map_or(f64::INFINITY, |touch| touch.overlap);
     let all = answers.iter().enumerate();
@@ -305,28 +304,31 @@ fn deepest(pieces: &Pairs, answers: &[Answer], centre_of_a: &Vec3) -> Answer {
     }
 }
 
-/// Nanoseconds that a pair takes: the mean over blocks of pairs, of each the median over the repeats, so that
-/// what else the machine does in between counts for little.
+/// Time per pair [ns]: the mean over blocks of pairs of the median over repeats.
+///
+/// The median reduces the influence of other activity of the machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
     /// One pair after the other, without a warm start.
     pub cold: f64,
-    /// One pair after the other, from the normals of a first pass, each off by 1e-4 in a random
-    /// direction, as after a time step. Pairs that are apart have no normal to start from.
+    /// One pair after the other, from the normals of a first pass, each changed by 1e-4 in a random direction, as after a time step.
+    ///
+    /// Pairs that are apart have no normal to start from.
     pub warm: f64,
-    /// A block at once, from the same normals: as in a simulation.
+    /// A block at once, from the same normals, as in a simulation.
     pub batched: f64,
 }
 
-/// Pairs that are timed together: well below the time that a system gives to a process at once.
+/// Number of pairs timed together: their time is well below a time slice of the system.
 const BLOCK: usize = 256;
-/// A measurement goes over its block until at least this much time has passed.
+/// Least duration of a measurement, which repeats its block until then.
 const SHORTEST: Duration = Duration::from_micros(50);
-/// How far the normals of warm starts are off.
+/// Perturbation of the normals of warm starts.
 const PERTURBATION: f64 = 1e-4;
 
-/// How long a method takes over pairs of which `answers` are known, with `repeats` measurements of each
-/// block. No time is spent on clearances. Pairs with unions are left out.
+/// Measures the time of a method for pairs whose `answers` are known, with `repeats` measurements of each block.
+///
+/// The time of clearances is not included. Pairs with unions are left out.
 pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) -> Timing {
     let table = table(method, &Kind::ALL);
     let mut groups: BTreeMap<(Kind, Kind), Vec<u32>> = BTreeMap::new();
@@ -336,7 +338,7 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
     let geometry: Vec<Geometry> =
         (0_u64..).zip(answers).map(|(id, answer)| last_step(id, answer)).collect();
 
-    // Of the seconds that each block takes.
+    // Mean over pairs [ns], from the seconds of each block.
     let mean = |taken: &mut dyn FnMut(&dyn ContactResolver, &[u32]) -> f64| {
         let mut seconds = 0.0;
         for (kinds, group) in &groups {
@@ -362,7 +364,7 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
         cold: one_by_one(false),
         warm: one_by_one(true),
         batched: mean(&mut |resolver, block| {
-            // A list of their own: who resolves a batch looks through the whole list once.
+            // A separate list, because the resolution of a batch reads the whole list once.
             let slots: Vec<Pair> = block.iter().map(|&k| pairs.slots[k as usize]).collect();
             let geometry: Vec<Geometry> = block.iter().map(|&k| geometry[k as usize]).collect();
             let previous: Vec<Previous> = (0..block.len()).map(Previous::at).collect();
@@ -383,7 +385,7 @@ pub fn time(pairs: &Pairs, answers: &[Answer], method: &Method, repeats: usize) 
     }
 }
 
-/// What is remembered of a pair that has moved a little since it was resolved.
+/// Geometry of a pair that has moved a little since it was resolved.
 fn last_step(id: u64, answer: &Answer) -> Geometry {
     match &answer.touch {
         Ok(touch) if answer.touching => {

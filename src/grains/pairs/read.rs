@@ -8,10 +8,11 @@
 //! | polyhedron | JSON | `id`, `VA`, `FA`, `VB`, `FB` |
 //! | union | JSON | `id`, `UA` and `UB`, lists of pieces, each a ball `r`, `c`, a superellipsoid `abc`, `e1`, `e2`, `c`, `q`, or a polyhedron `V` |
 //!
-//! Lengths in metres; quaternions (w, x, y, z) from the body to the world, of any length but zero. Other columns
-//! are passed over. One piece is a body by itself: a union may meet any other body. Superellipsoids with `e1 = e2 = 1` are ellipsoids; a polyhedron is the hull of its corners.
+//! Lengths are in metres; quaternions (w, x, y, z) rotate from the body to the world and have any length but zero. Other columns are ignored.
+//! A single piece is a body by itself: a union may meet any other body. Superellipsoids with `e1 = e2 = 1` are ellipsoids. A polyhedron is the
+//! hull of its corners.
 //!
-//! To add a kind, give its rows an arm in `json_row`.
+//! A new kind needs a branch for its rows in `json_row`.
 
 use super::{Body, Pairs};
 use crate::math::{Quat, Vec3};
@@ -26,20 +27,20 @@ use nalgebra::Quaternion;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// Why a file could not be read: the first thing that is wrong with it.
+/// Reason why a file could not be read: its first error.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReadError {
     /// There is no row.
     #[error("{0}: holds no pairs")]
     Empty(String),
-    /// Something is wrong with a line.
+    /// An error in a line.
     #[error("{file}:{line}: {problem}")]
     Line {
-        /// As the caller names it.
+        /// Name of the file, as given by the caller.
         file: String,
-        /// From 1.
+        /// Line number, from 1.
         line: u64,
-        /// With the column and the value.
+        /// Description with the column and the value.
         problem: String,
     },
 }
@@ -47,7 +48,7 @@ pub enum ReadError {
 /// A pair and its name.
 type Row = (String, [Body; 2]);
 
-/// Reads JSON Lines if the text begins with a brace, else CSV. Errors call the text `file`.
+/// Reads JSON Lines if the text begins with a brace, else CSV. Errors name the text `file`.
 ///
 /// # Errors
 /// See [`ReadError`].
@@ -141,7 +142,7 @@ fn sphere_of(row: &Value, which: &str) -> Result<Body, String> {
     sphere(columns.each_ref().map(|column| &row[column]), &columns)
 }
 
-/// Of radius and centre, with the names of their columns.
+/// A sphere from radius and centre, with the names of their columns.
 fn sphere(values: [&Value; 2], columns: &[String; 2]) -> Result<Body, String> {
     let radius = one_number(values[0], &columns[0])?;
     length_check(&columns[0], radius)?;
@@ -183,7 +184,7 @@ fn superellipsoid(body: &Value, which: &str) -> Result<Body, String> {
     })
 }
 
-/// The corners stand in the world: the body is placed where its centre of mass and principal axes are.
+/// A polyhedron, whose corners are given in the world: the body is placed at its centre of mass and principal axes.
 fn polyhedron_of(row: &Value, which: &str) -> Result<Body, String> {
     let column = format!("V{which}");
     polyhedron(&row[&column], &column)
@@ -201,7 +202,7 @@ fn polyhedron(corners: &Value, column: &str) -> Result<Body, String> {
     Ok(Body { shape: Shape::Polyhedron(Box::new(solid)), centre, rotation })
 }
 
-/// Pieces stand in the world, as corners of polyhedra do.
+/// A union, whose pieces are given in the world, like corners of polyhedra.
 fn union_of(row: &Value, which: &str) -> Result<Body, String> {
     let column = format!("U{which}");
     let pieces = row[&column].as_array().ok_or_else(|| format!("{column} is not a list"))?;
@@ -245,14 +246,14 @@ fn numbers<const N: usize>(value: &Value, column: &str) -> Result<[f64; N], Stri
     Ok(all)
 }
 
-/// JSON has no infinities: a number is finite.
+/// A number, which is finite because JSON has no infinities.
 fn one_number(value: &Value, column: &str) -> Result<f64, String> {
     value.as_f64().ok_or_else(|| format!("{column} = {} is not a number", shown(value)))
 }
 
-// --- what both have in common ---
+// --- common to both ---
 
-/// What a pair is called, in answers that may go to a terminal.
+/// Name of a pair, checked because answers may go to a terminal.
 fn name(text: &str) -> Result<String, String> {
     if text.contains(char::is_control) {
         return Err(format!("id = `{}` has control characters", shown(text)));
@@ -264,8 +265,9 @@ fn ellipsoid(semi_axes: [f64; 3]) -> Shape {
     Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::from(semi_axes) })
 }
 
-/// The rotation of a quaternion of any length but zero; huge and tiny ones are scaled so that no square
-/// overflows or vanishes.
+/// Rotation of a quaternion of any length but zero.
+///
+/// Huge and tiny quaternions are scaled so that no square overflows or vanishes.
 fn rotation(column: &str, wxyz: [f64; 4]) -> Result<Quat, String> {
     let [w, x, y, z] = wxyz;
     let largest = wxyz.iter().fold(0.0_f64, |largest, q| largest.max(q.abs()));
@@ -281,7 +283,7 @@ fn finite_check(column: &str, value: f64) -> Result<(), String> {
     if value.is_finite() { Ok(()) } else { Err(format!("{column} = {value} is not finite")) }
 }
 
-/// The powers of a length must be numbers.
+/// Checks that the powers of a length do not overflow or underflow.
 fn length_check(column: &str, length: f64) -> Result<(), String> {
     finite_check(column, length)?;
     let (least, most) = (LENGTHS.start(), LENGTHS.end());

@@ -1,17 +1,17 @@
-//! Pairs and answers as CSV. Numbers have as many digits as it takes to read the same bits back.
+//! Pairs and answers as CSV. Numbers have as many digits as needed to read the same bits back.
 
 use super::{Answer, Pairs, Place};
 use crate::contact::thickness;
 use crate::math::Vec3;
 use std::io::Write;
 
-/// Columns of [`pairs`], those of the reference files.
+/// Columns of [`pairs`], as in the reference files.
 pub const PAIR_COLUMNS: [&str; 21] = [
     "id", "aA", "bA", "cA", "aB", "bB", "cB", "xA", "yA", "zA", "qwA", "qxA", "qyA", "qzA", "xB",
     "yB", "zB", "qwB", "qxB", "qyB", "qzB",
 ];
 
-/// Columns of [`answers`]: those of the reference files, who answered, and what bodies with faces or straight sides share.
+/// Columns of [`answers`]: those of the reference files, the stage that answered, and the thickness of bodies with faces or straight sides.
 pub const ANSWER_COLUMNS: [&str; 24] = [
     "id",
     "overlap",
@@ -39,15 +39,14 @@ pub const ANSWER_COLUMNS: [&str; 24] = [
     "energy",
 ];
 
-/// Columns that [`answers`] has more if there are such numbers: force of A on B [N], its moment about the centre of A [N m] and
-/// stored energy [J] by the law of a scene.
+/// Additional columns of [`answers`] for the law of a scene: force of A on B [N], moment about the centre of A [N m], stored energy [J].
 pub const LAW_COLUMNS: [&str; 7] =
     ["law_Fx", "law_Fy", "law_Fz", "law_Mx", "law_My", "law_Mz", "law_energy"];
 
-/// Writes pairs as [`super::read`] reads them. Balls are written as ellipsoids.
+/// Writes pairs in the format of [`super::read`]. Spheres are written as ellipsoids.
 ///
 /// # Errors
-/// If it cannot be written.
+/// If writing fails.
 pub fn pairs(pairs: &Pairs, to: impl Write) -> Result<(), csv::Error> {
     let mut table = csv::Writer::from_writer(to);
     table.write_record(PAIR_COLUMNS)?;
@@ -66,16 +65,18 @@ pub fn pairs(pairs: &Pairs, to: impl Write) -> Result<(), csv::Error> {
     Ok(table.flush()?)
 }
 
-/// Writes one row per pair. Points are in the world; they are the support points along the normal, of the
-/// bodies themselves. Numbers that no method could determine are empty, as are those of faces and straight sides where there are
-/// none, or do not touch: [`thickness`], and for a stiffness of 1 N/m force [N] and moment [N m] of A on B about the centre of A, and energy [J].
-/// `by_law` are the numbers of [`LAW_COLUMNS`] of each pair.
+/// Writes one row per pair.
 ///
-/// A pair with a union has a row for each place where its bodies touch ([`Answer::places`]). Its overlap stands in `thickness`, too, and PA
-/// and PB lie half of it before and behind C. The solver is `pieces`, and iterations are those of the deepest pieces.
+/// Points are in the world; they are the support points of the bodies themselves along the normal. Numbers that no method could determine are
+/// empty. The columns of [`thickness`] are empty for bodies without faces and straight sides, and for those that do not touch. They contain, for
+/// a stiffness of 1 N/m, force [N] and moment [N m] of A on B about the centre of A, and energy [J]. `by_law` has the numbers of [`LAW_COLUMNS`]
+/// of each pair.
+///
+/// A pair with a union has a row for each place where its bodies touch ([`Answer::places`]). Its overlap is also in `thickness`, and PA and PB
+/// are half of it before and behind C. The solver is `pieces`, and the iterations are those of the deepest pieces.
 ///
 /// # Errors
-/// If it cannot be written.
+/// If writing fails.
 pub fn answers(
     pairs: &Pairs,
     answers: &[Answer],
@@ -122,7 +123,7 @@ pub fn answers(
     Ok(table.flush()?)
 }
 
-/// The row of one of the places where two bodies touch.
+/// Row of one of the places where two bodies touch.
 fn of_place(pairs: &Pairs, index: usize, answer: &Answer, place: &Place) -> Vec<String> {
     let Place { touch, acting, by_law } = place;
     let (point, half) = (pairs.centre_of_a(index) + touch.point, 0.5 * touch.overlap);
@@ -135,7 +136,7 @@ fn of_place(pairs: &Pairs, index: usize, answer: &Answer, place: &Place) -> Vec<
     row
 }
 
-/// What a pair with faces or straight sides shares.
+/// Thickness columns of a pair with faces or straight sides.
 fn on_faces(pairs: &Pairs, index: usize) -> Vec<String> {
     if pairs.has_union(index) {
         return vec![String::new(); 8];

@@ -1,4 +1,4 @@
-//! Which columns particles have: those that a scene needs, and quantities that accumulate over the life of a particle.
+//! Columns of particles that a scene needs, and quantities that accumulate over the life of a particle.
 
 use super::{Particles, held};
 use crate::ids::{GlobalId, ShapeId, Standing};
@@ -7,16 +7,17 @@ use crate::shape::Form;
 use serde::{Deserialize, Serialize};
 use std::ops::{Index, IndexMut};
 
-/// Which columns a scene needs.
+/// Columns that a scene needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[expect(clippy::struct_excessive_bools, reason = "each column is there or not, on its own")]
 pub struct Needs {
-    /// Velocities of ghosts: a law with friction or dashpots.
+    /// Velocities of ghosts: for a law with friction or damping.
     pub velocity: bool,
-    /// Angular velocity, torque: a law that finds moments, or a wall that turns.
+    /// Angular velocity and torque: for a law with moments, or a wall that rotates.
     pub spin: bool,
-    /// Orientation and angular momentum, for any shape but the sphere, and contact points, which of spheres follow from
-    /// their overlaps. Implies `spin`.
+    /// Orientation and angular momentum, for any shape but the sphere, and contact points. Implies `spin`.
+    ///
+    /// Contact points of spheres follow from their overlaps.
     pub orientation: bool,
     /// Matrices of ellipsoids, for the common-normal method. Implies `orientation`.
     pub form: bool,
@@ -24,29 +25,28 @@ pub struct Needs {
     pub image: bool,
     /// Scales: particles of other sizes than their shapes.
     pub scale: bool,
-    /// What contacts of faces have beside overlap, normal and point: bodies with faces. Implies `orientation`.
+    /// Patches of contacts: for bodies with faces. Implies `orientation`.
     pub patches: bool,
-    /// How curved bodies are where they touch: a law whose stiffness depends on it, of other bodies than spheres. Implies
-    /// `orientation`.
+    /// Curvature of bodies at their contacts: for a law whose stiffness depends on it, with bodies other than spheres. Implies `orientation`.
     pub curvature: bool,
-    /// What friction has dissipated: a law with friction.
+    /// Energy dissipated by friction: for a law with friction.
     pub friction: bool,
-    /// What tangential dashpots have dissipated: a law that has them.
+    /// Energy dissipated by tangential damping: for a law with tangential damping.
     pub tangential_dashpots: bool,
-    /// What resistance to rolling and twisting has dissipated: a law with moments of its own.
+    /// Energy dissipated by resistance to rolling and twisting: for a law with such moments.
     pub turning: bool,
-    /// What global damping has dissipated.
+    /// Energy dissipated by global damping.
     pub damping: bool,
-    /// What adhesion has taken where contacts begin and end: a law that loses energy there.
+    /// Energy taken by adhesion where contacts begin and end: for a law that loses energy there.
     pub adhesion: bool,
-    /// Numbers of groups: particles that are held or pushed.
+    /// Numbers of groups: for particles that are held or pushed.
     pub group: bool,
-    /// Foreseen gains of velocities ([`crate::motion::ahead`]): a law whose dashpots foresee. Implies `velocity`.
+    /// Foreseen gains of velocities ([`crate::motion::ahead`]): for a law whose damping foresees. Implies `velocity`.
     pub ahead: bool,
 }
 
 impl Needs {
-    /// `f64` per ghost in the message of each step.
+    /// Number of `f64` per ghost in the message of each step.
     pub const fn halo_values(&self) -> usize {
         3 + if self.velocity { 3 } else { 0 }
             + if self.spin && self.velocity { 3 } else { 0 }
@@ -55,7 +55,7 @@ impl Needs {
             + if self.orientation { 4 } else { 0 }
     }
 
-    /// Bytes per owned particle in the columns, contacts left out.
+    /// Bytes per owned particle in the columns, without contacts.
     pub fn column_bytes(&self) -> usize {
         let fields = FIELDS.iter().filter(|field| field.presence.holds(self));
         fields.map(|field| field.width).sum::<usize>() + size_of::<f64>() * Quantity::count(*self)
@@ -79,7 +79,7 @@ const fn field<T>(
     Field { presence, width: size_of::<T>(), get, get_mut }
 }
 
-/// All of them. Sorting, taking out, stripping, trimming and counting bytes follow.
+/// All fields. Sorting, removal, trimming and counts of bytes use this list.
 static FIELDS: [Field; 18] = [
     field::<GlobalId>(Presence::Always, |p| Some(&p.id), |p| Some(&mut p.id)),
     field::<ShapeId>(Presence::Always, |p| Some(&p.shape), |p| Some(&mut p.shape)),
@@ -138,15 +138,15 @@ const ORIENTED: Presence = Presence::If(|needs| needs.orientation);
 
 /// A column in memory, of any type.
 pub(super) trait Column {
-    /// Drops the rows from this one on.
+    /// Removes the rows from this one on.
     fn truncate(&mut self, rows: usize);
-    /// Drops a row, if it is there; the last one moves to its place.
+    /// Removes a row if it exists; the last one moves to its place.
     fn take_out(&mut self, row: usize);
-    /// Takes its rows from these, if it has any.
+    /// Rearranges the rows to this order, if there are any.
     fn sort(&mut self, rows: &[u32]);
-    /// Gives back room that more rows have needed.
+    /// Frees memory that more rows have needed.
     fn shrink_to_fit(&mut self);
-    /// Bytes that it holds.
+    /// Memory that the column holds [bytes].
     fn held(&self) -> usize;
 }
 
@@ -177,7 +177,7 @@ impl<T: Copy> Column for Vec<T> {
 }
 
 impl Particles {
-    /// Does the same with each column.
+    /// Calls `act` for each column.
     pub(super) fn each_column(&mut self, act: impl Fn(&mut dyn Column)) {
         for field in &FIELDS {
             if let Some(column) = (field.get_mut)(self) {
@@ -187,7 +187,7 @@ impl Particles {
         self.accumulated.0.iter_mut().for_each(|column| act(column));
     }
 
-    /// Bytes that the columns hold.
+    /// Memory that the columns hold [bytes].
     pub fn bytes(&self) -> usize {
         let fields = FIELDS.iter().filter_map(|field| (field.get)(self));
         let accumulated = self.accumulated.0.iter().map(held);
@@ -195,17 +195,17 @@ impl Particles {
     }
 }
 
-/// When a column is there.
+/// Condition for the presence of a column.
 #[derive(Clone, Copy, Debug)]
 pub enum Presence {
-    /// In every scene.
+    /// Present in every scene.
     Always,
-    /// Where the scene needs it.
+    /// Present where the scene needs it.
     If(fn(&Needs) -> bool),
 }
 
 impl Presence {
-    /// Is it there in a scene with these needs?
+    /// Whether the column is present in a scene with these needs.
     pub fn holds(self, needs: &Needs) -> bool {
         match self {
             Self::Always => true,
@@ -214,31 +214,32 @@ impl Presence {
     }
 }
 
-/// A quantity that accumulates over the life of a particle, one number of each. Declared here once: handing it over to another
-/// owner, snapshots, restart, comparison and the bytes of `--plan` follow.
+/// A quantity that accumulates over the life of a particle, with one value per particle.
+///
+/// This is the only declaration: transfer to another owner, snapshots, restart, comparison and the bytes of `--plan` follow from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Energy dissipated at the particle.
     Dissipated,
-    /// The part of that which tangential dashpots have taken, in contacts that stick.
+    /// Part dissipated by tangential damping, in contacts that stick.
     OfTangentialDashpots,
-    /// The part of friction: of contacts that slide, and torsion of faces.
+    /// Part dissipated by friction: of contacts that slide, and torsion of faces.
     OfFriction,
-    /// The part of resistance to rolling and twisting.
+    /// Part dissipated by resistance to rolling and twisting.
     OfTurning,
-    /// The part of global damping.
+    /// Part dissipated by global damping.
     OfDamping,
-    /// The part of adhesion, where contacts begin and end.
+    /// Part taken by adhesion, where contacts begin and end.
     OfAdhesion,
-    /// Energy it had at its insertion and was given by moving walls.
+    /// Energy at insertion, and energy received from moving walls.
     Received,
 }
 
-/// How many there are.
+/// Number of quantities.
 const QUANTITIES: usize = Quantity::ALL.len();
 
 impl Quantity {
-    /// All of them, in the order of their columns.
+    /// All quantities, in the order of their columns.
     pub const ALL: [Self; 7] = [
         Self::Dissipated,
         Self::OfTangentialDashpots,
@@ -249,7 +250,7 @@ impl Quantity {
         Self::Received,
     ];
 
-    /// The parts of what is dissipated. The rest is of normal dashpots.
+    /// Parts of the dissipated energy. The rest is due to normal damping.
     pub const CHANNELS: [Self; 5] = [
         Self::OfTangentialDashpots,
         Self::OfFriction,
@@ -258,11 +259,11 @@ impl Quantity {
         Self::OfAdhesion,
     ];
 
-    /// The channels that laws sum on their own. That of friction stands with the torque.
+    /// Channels that laws sum separately. The friction channel is stored with the torque.
     pub const OF_CONTACTS: [Self; 3] =
         [Self::OfTangentialDashpots, Self::OfTurning, Self::OfAdhesion];
 
-    /// Its column: name in snapshots, unit, which scenes have it.
+    /// Name in snapshots, unit and presence of the column.
     const fn column(self) -> (&'static str, &'static str, Presence) {
         match self {
             Self::Dissipated => ("dissipated", "J", Presence::Always),
@@ -283,28 +284,28 @@ impl Quantity {
         }
     }
 
-    /// As snapshots name it.
+    /// Name in snapshots.
     pub const fn name(self) -> &'static str {
         self.column().0
     }
 
-    /// Unit of its numbers.
+    /// Unit of the values.
     pub const fn unit(self) -> &'static str {
         self.column().1
     }
 
-    /// Which scenes have it.
+    /// Scenes that have the quantity.
     pub const fn presence(self) -> Presence {
         self.column().2
     }
 
-    /// How many of them a scene with these needs has.
+    /// Number of quantities in a scene with these needs.
     fn count(needs: Needs) -> usize {
         Self::ALL.iter().filter(|quantity| quantity.presence().holds(&needs)).count()
     }
 }
 
-/// What has accumulated: a number of each [`Quantity`], or a column of numbers.
+/// Accumulated values: a number for each [`Quantity`], or a column of numbers.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Accumulated<T>([T; QUANTITIES]);
 
@@ -323,7 +324,7 @@ impl<T> IndexMut<Quantity> for Accumulated<T> {
 }
 
 impl Accumulated<Vec<f64>> {
-    /// Adds what global damping takes from a particle [J].
+    /// Adds the energy that global damping takes from a particle [J].
     #[inline]
     pub fn damp(&mut self, slot: usize, energy: f64) {
         self[Quantity::Dissipated][slot] += energy;
@@ -332,7 +333,7 @@ impl Accumulated<Vec<f64>> {
         }
     }
 
-    /// The numbers of one particle; 0 of columns that are not there.
+    /// Values of one particle; 0 for columns that do not exist.
     pub fn row(&self, row: usize) -> Accumulated<f64> {
         Accumulated(std::array::from_fn(|k| self.0[k].get(row).copied().unwrap_or_default()))
     }

@@ -9,7 +9,7 @@ use crate::population::Library;
 use crate::random::Random;
 use crate::shape::{Ellipsoid, Shape, Sphere};
 
-/// Ellipsoids and spheres of two materials in any state, no two of them alike, of many sizes if `sized`: for tests.
+/// Ellipsoids and spheres of two materials in any state, no two of them alike, of many sizes if `sized`, for tests.
 pub fn crowd(count: u64, sized: bool) -> Particles {
     let mut library = Library { particle_shapes: 2, ..Library::default() };
     let egg = Ellipsoid { semi_axes: Vec3::new(2e-3, 1.5e-3, 1e-3) };

@@ -1,4 +1,4 @@
-//! Facets of walls, which have slots behind those of particles.
+//! Facets of walls, with slots after those of particles.
 
 use super::Particles;
 use crate::contact::FacetInPlace;
@@ -7,8 +7,9 @@ use crate::math::{Mat3, Vec3};
 use crate::walls::{self, Corners, Wall};
 
 impl Particles {
-    /// Velocity of the surface of a body against the body itself in a contact with this normal, as of a conveyor belt [m/s]; zero of
-    /// all others.
+    /// Velocity of a body's surface relative to the body in a contact with this normal, as of a conveyor belt [m/s].
+    ///
+    /// It is zero for all other bodies.
     #[inline]
     pub fn belt_at(&self, slot: Slot, normal: &Vec3) -> Vec3 {
         let facet = slot.index().checked_sub(self.first_facet());
@@ -16,12 +17,12 @@ impl Particles {
         belt.map_or_else(Vec3::zeros, |belt| belt - normal * normal.dot(belt))
     }
 
-    /// The slot of the first facet of a wall.
+    /// Slot of the first facet of a wall.
     pub const fn first_facet(&self) -> usize {
         self.first_piece() + self.pieces()
     }
 
-    /// The index of the wall that a facet in this slot belongs to; `None` for a particle.
+    /// Index of the wall to which a facet in this slot belongs; `None` for a particle.
     #[inline]
     pub fn wall_of(&self, slot: Slot) -> Option<usize> {
         let facet = slot.index().checked_sub(self.first_facet())?;
@@ -55,9 +56,9 @@ impl Particles {
         self.place_walls();
     }
 
-    /// Moves the walls to where they stand after `step` steps, of which the last took `dt` [s].
+    /// Moves the walls to their poses after `step` steps, of which the last took `dt` [s].
     pub fn move_walls(&mut self, step: u64, dt: f64) {
-        // What stands still, and did when it was placed, is in its place.
+        // Walls at rest, now and when they were placed, need no update.
         if !self.facets.any_moves && !self.walls.iter().any(Wall::is_moving) {
             return;
         }
@@ -74,7 +75,7 @@ impl Particles {
     /// Copies poses and velocities of walls to the slots of their facets.
     ///
     /// # Panics
-    /// If a wall turns and there is no column for it, see [`Needs::spin`].
+    /// If a wall rotates and there is no column for that, see [`Needs::spin`].
     fn place_walls(&mut self) {
         self.facets.any_moves = self.walls.iter().any(Wall::is_moving);
         self.facets.any_turns = false;
@@ -110,12 +111,12 @@ impl Particles {
         }
     }
 
-    /// The box that has the centres of all particles of all ranks, if a wall turns; else it is not asked for [m].
+    /// Box that contains the centres of all particles of all ranks, if a wall rotates [m]; otherwise unused.
     pub fn room_of_turning(&self) -> Corners {
         if !self.walls.iter().any(Wall::turns) {
             return Corners::default();
         }
-        // A particle has left once its centre is outside by its own size.
+        // A particle is removed once its centre is outside by its own size.
         let slack = Vec3::repeat(self.library.largest_radius());
         let (low, high) = walls::room(&self.walls, &self.cell);
         (low - slack, high + slack)

@@ -1,7 +1,8 @@
-//! Columns of everything that a rank owns or sees.
+//! Columns of all bodies that a rank owns or sees.
 //!
-//! Slots run owned | ghosts | pieces of unions | facets of walls; pieces and facets have the poses that their bodies give them. A column that the scene does not need does not
-//! exist: spheres without friction do not turn, a scene of spheres only has no orientation.
+//! The order of slots is owned | ghosts | pieces of unions | facets of walls. Pieces and facets have the poses that their bodies give them. A
+//! column that the scene does not need does not exist: spheres without friction have no rotation, and a scene of spheres only has no
+//! orientations.
 
 pub mod columns;
 #[doc(hidden)]
@@ -26,36 +27,39 @@ use records::Particle;
 /// Rotation columns, where the scene needs them.
 #[derive(Clone, Debug, Default)]
 pub struct Spin {
-    /// World axes [kg m²/s]. Length: owned, or none if all are spheres.
+    /// Angular momentum, world axes [kg m²/s]. Length: owned, or none if all are spheres.
     pub angular_momentum: Vec<Vec3>,
-    /// World axes, as laws need it [rad/s]. Of spheres alone it is the state; of others it is that of the last turn, before the
-    /// second kick, see [`Particles::angular_velocity`]. Length: all slots.
+    /// Angular velocity, world axes, for the laws [rad/s]. Length: all slots.
+    ///
+    /// For spheres alone it is the state. For others it is that of the last rotation, before the second kick, see
+    /// [`Particles::angular_velocity`].
     pub angular_velocity: Vec<Vec3>,
-    /// World axes [N m], and a zero: four numbers are added at once. Length: owned.
+    /// Torque, world axes [N m], and a zero: four numbers are added at once. Length: owned.
     pub torque: Vec<Vec3AndNumber>,
 }
 
-/// Foreseen gains of velocities until the time of the positions, see [`crate::motion::ahead`]; zero for walls. Length: all
-/// slots, or none if the scene does not need them.
+/// Foreseen gains of velocities until the time of the positions, see [`crate::motion::ahead`]; zero for walls.
+///
+/// Length: all slots, or none if the scene does not need them.
 #[derive(Clone, Debug, Default)]
 pub struct Ahead {
-    /// [m/s]
+    /// Gain of the velocity [m/s].
     pub velocity: Vec<Vec3>,
-    /// World axes [rad/s].
+    /// Gain of the angular velocity, world axes [rad/s].
     pub angular_velocity: Vec<Vec3>,
 }
 
 /// Orientation columns, where the scene needs them.
 #[derive(Clone, Debug, Default)]
 pub struct Orientation {
-    /// Body to world. Length: owned + ghosts + pieces.
+    /// Rotation from body to world. Length: owned + ghosts + pieces.
     pub quaternion: Vec<Quat>,
-    /// Matrices of ellipsoids in place, if a method needs them. Length: as many, or none.
+    /// Matrices of ellipsoids in place, if a method needs them. Length: owned + ghosts + pieces, or none.
     pub form: Vec<Form>,
 }
 
 impl Orientation {
-    /// Turns a body of this shape and scale.
+    /// Sets the orientation of a body of this shape and scale.
     #[inline]
     pub fn set(&mut self, slot: usize, quaternion: Quat, shape: &Shape, scale: f64) {
         self.quaternion[slot] = quaternion;
@@ -65,7 +69,7 @@ impl Orientation {
         }
     }
 
-    /// Makes room for so many bodies, or forgets those beyond; new ones stand upright.
+    /// Changes the number of bodies; new ones are upright.
     fn resize(&mut self, bodies: usize, needs: Needs) {
         self.quaternion.resize(bodies, Quat::identity());
         if needs.form {
@@ -74,64 +78,67 @@ impl Orientation {
     }
 }
 
-/// Bytes that a column holds.
+/// Memory that a column holds [bytes].
 pub fn held<T>(column: &Vec<T>) -> usize {
     column.capacity() * size_of::<T>()
 }
 
-/// Gives back most of the room of a list whose length changes from step to step: growing has doubled it.
+/// Frees most of the excess capacity of a list whose length changes from step to step: growth has doubled it.
 pub fn trim<T>(list: &mut Vec<T>) {
     if list.capacity() > list.len() + list.len() / 16 {
         list.shrink_to(list.len() + list.len() / 32);
     }
 }
 
-/// Particles with a name, which are held or pushed together.
+/// Particles with a common name, which are held or pushed together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
-    /// Its name in the scene.
+    /// Name in the scene.
     pub name: String,
-    /// About what the torque on it is taken: where its reference point is now, if it turns [m].
+    /// Point about which the torque on the group is computed: the present reference point of a rotating group [m].
     pub about: Option<Vec3>,
 }
 
 /// All bodies of a rank.
 #[derive(Clone, Debug)]
 pub struct Particles {
-    /// Which columns there are.
+    /// Columns that exist.
     pub needs: Needs,
-    /// What particles of a shape have in common.
+    /// Data shared by particles of one shape.
     pub library: Library,
-    /// Slots `0..owned` are owned, `owned..owned + ghosts` ghosts, then come pieces and walls.
+    /// Number of owned particles. Slots `0..owned` are owned, `owned..owned + ghosts` ghosts, followed by pieces and walls.
     pub owned: usize,
-    /// How many ghosts.
+    /// Number of ghosts.
     pub ghosts: usize,
-    /// Names. Length: all slots.
+    /// Ids. Length: all slots.
     pub id: Vec<GlobalId>,
     /// Shapes. Length: all slots.
     pub shape: Vec<ShapeId>,
-    /// Lengths of each body over those of its shape; 1 of walls [-]. Length: all slots, or none.
+    /// Lengths of each body over those of its shape; 1 for walls [-]. Length: all slots, or none.
     pub scale: Vec<f64>,
-    /// Number of the group of each, from 1; 0 of those in none. Length: owned or none.
+    /// Number of each particle's group, from 1; 0 without a group. Length: owned or none.
     pub group: Vec<u16>,
-    /// In the order of space. Length: all slots.
+    /// Place in the order of space. Length: all slots.
     pub standing: Vec<Standing>,
     /// Centres, wrapped into the domain along periodic axes [m]. Length: all slots.
     pub position: Vec<Vec3>,
-    /// After a step those of the time of the positions; before its second kick, and of ghosts, those of half a step
-    /// before [m/s]. Length: all slots.
+    /// Velocities [m/s]. Length: all slots.
+    ///
+    /// After a step they are those at the time of the positions. Before its second kick, and for ghosts, they are those of half a step before.
     pub velocity: Vec<Vec3>,
     /// Foreseen gains of velocities, if a law needs them.
     pub ahead: Ahead,
-    /// Sum of the contact forces, gravity and damping not in it [N], and the energy that contacts lost in the last step [J]:
-    /// four numbers are added at once. Length: owned.
+    /// Sum of the contact forces without gravity and damping [N], and the energy that contacts lost in the last step [J].
+    ///
+    /// Four numbers are added at once. Length: owned.
     pub force: Vec<Vec3AndNumber>,
     /// Positions when the pairs were listed [m]. Length: owned.
     pub listed_at: Vec<Vec3>,
-    /// How far any point of the body can have moved since the pairs were listed, along its way [m].
+    /// Largest displacement of any point of the body since the pairs were listed, along its way [m].
+    ///
     /// Length: all slots, once the pairs are listed.
     pub travel: Vec<f64>,
-    /// What has accumulated over the life of each. Length: owned, or none of what the scene does not need.
+    /// Accumulated quantities of each particle. Length: owned, or none for those that the scene does not need.
     pub accumulated: Accumulated<Vec<f64>>,
     /// Whole periods to add to the position, in a periodic domain. Length: owned or none.
     pub image: Vec<[i32; 3]>,
@@ -139,25 +146,25 @@ pub struct Particles {
     pub spin: Option<Spin>,
     /// Orientation, if any shape needs it.
     pub orientation: Option<Orientation>,
-    /// The domain, and how it repeats.
+    /// Domain with its periodicity.
     pub cell: Cell,
-    /// The walls, the same on all ranks.
+    /// Walls, the same on all ranks.
     pub walls: Vec<Wall>,
-    /// The groups, by their numbers, the same on all ranks.
+    /// Groups by their numbers, the same on all ranks.
     pub groups: Vec<Group>,
-    /// Of their facets.
+    /// Columns of facets of walls.
     pub facets: FacetColumns,
     /// Columns of pieces of unions.
     pub pieces: PieceColumns,
-    /// The facets of meshes that have slots, those near the owned particles when the pairs were listed, in rising order.
+    /// Facets of meshes that have slots: those near the owned particles when the pairs were listed, in rising order.
     pub near_facets: Vec<GlobalId>,
 }
 
 impl Particles {
-    /// No particles yet, only walls.
+    /// Columns without particles, with walls only.
     pub fn new(needs: Needs, mut library: Library, walls: Vec<Wall>, cell: Cell) -> Self {
         for mesh in walls.iter().filter_map(|wall| wall.mesh.as_ref()) {
-            // A scene that came from another rank has each surface twice.
+            // A scene received from another rank has each surface twice.
             library.shapes[mesh.shape.index()] = Shape::TriangleMesh(mesh.surface.clone());
         }
         let mut particles = Self {
@@ -191,7 +198,7 @@ impl Particles {
         particles
     }
 
-    /// Shears the cell on for a step of `dt` [s]. Two bodies may come nearer by as much as its images slide.
+    /// Shears the cell by a step of `dt` [s]. Two bodies may come nearer by the sliding distance of the images.
     pub fn move_cell(&mut self, dt: f64) {
         let slid = 0.5 * dt * self.cell.velocity_above().norm();
         if slid > 0.0 {
@@ -203,7 +210,9 @@ impl Particles {
         }
     }
 
-    /// Velocity of the image of B that A sees against B itself [m/s]; zero if no image slides. Of pieces it is that of their bodies, which no flow turns.
+    /// Velocity of the image of B that A interacts with, relative to B itself [m/s]; zero if no image slides.
+    ///
+    /// For pieces it is that of their bodies, which a flow does not rotate.
     #[inline]
     pub fn sliding_of_image(&self, pair: Pair) -> Vec3 {
         let [a, b] = [pair.a, pair.b].map(|slot| self.body_of(slot).index());
@@ -211,19 +220,19 @@ impl Particles {
         self.cell.velocity_of_nearest_midway(&apart, &(self.velocity[b] - self.velocity[a]))
     }
 
-    /// The same at the positions of now.
+    /// [`Self::sliding_of_image`] at the present positions.
     pub fn sliding_now(&self, pair: Pair) -> Vec3 {
         let [a, b] = [pair.a, pair.b].map(|slot| self.position[self.body_of(slot).index()]);
         self.cell.velocity_of_nearest(&(b - a))
     }
 
-    /// As [`Self::sliding_of_image`], in the step to come.
+    /// [`Self::sliding_of_image`] in the next step.
     pub fn sliding_ahead(&self, pair: Pair) -> Vec3 {
         let [a, b] = [pair.a, pair.b].map(|slot| self.position[self.body_of(slot).index()]);
         self.cell.velocity_of_nearest_ahead(&(b - a))
     }
 
-    /// The bodies as contact resolution sees them.
+    /// Bodies for contact resolution.
     pub fn bodies(&self) -> Bodies<'_> {
         Bodies {
             position: &self.position,
@@ -238,12 +247,12 @@ impl Particles {
         }
     }
 
-    /// How many slots there are.
+    /// Number of slots.
     pub fn slots(&self) -> usize {
         self.id.len()
     }
 
-    /// What messages call a body.
+    /// Name of a body in messages.
     pub fn body_name(&self, id: GlobalId) -> String {
         let Some((wall, facet)) = id.wall_and_facet() else { return format!("particle {id}") };
         let wall = &self.walls[wall];
@@ -256,13 +265,13 @@ impl Particles {
         if self.needs.scale { self.scale[slot] } else { 1.0 }
     }
 
-    /// Is it a particle that is held on its course, whatever acts on it?
+    /// Whether the slot is a particle that is held on its course, whatever acts on it.
     #[inline]
     pub fn is_held(&self, slot: usize) -> bool {
         self.library.is_held(self.shape[slot])
     }
 
-    /// The place of the group of an owned particle in the list of groups, if it belongs to one.
+    /// Index of the group of an owned particle, if it belongs to one.
     pub fn group_of(&self, slot: usize) -> Option<usize> {
         (*self.group.get(slot)? as usize).checked_sub(1)
     }
@@ -273,14 +282,15 @@ impl Particles {
         self.library.radius[self.shape[slot].index()] * self.scale_of(slot)
     }
 
-    /// Does the box about a body's bounding sphere, or about its nearest periodic image, overlap one of this middle and half
-    /// lengths [m]?
+    /// Whether the bounding box of a body's bounding sphere overlaps a box with this middle and these half lengths [m].
+    ///
+    /// The nearest periodic image of the body counts.
     pub fn comes_into(&self, slot: usize, middle: &Vec3, half: &Vec3) -> bool {
         let apart = self.cell.nearest(self.position[slot] - middle).abs();
         (0..3).all(|axis| apart[axis] < half[axis] + self.radius(slot))
     }
 
-    /// Radius of the largest sphere about the centre of a body inside it [m].
+    /// Radius of the largest sphere about the centre inside a body [m].
     pub fn inscribed_radius(&self, slot: usize) -> f64 {
         self.library.shapes[self.shape[slot].index()].inscribed_radius() * self.scale_of(slot)
     }
@@ -318,33 +328,33 @@ impl Particles {
         }
     }
 
-    /// Angular velocity of a body; 0 where nothing turns [rad/s].
+    /// Angular velocity of a body; 0 without rotation [rad/s].
     pub fn angular_velocity_of(&self, slot: Slot) -> Vec3 {
         self.spin.as_ref().map_or_else(Vec3::zeros, |spin| spin.angular_velocity[slot.index()])
     }
 
-    /// Gives back room that more particles have needed.
+    /// Frees memory that more particles have needed.
     pub fn trim(&mut self) {
         self.each_column(|column| column.shrink_to_fit());
     }
 
-    /// Drops ghosts and walls, so that owned particles may come and go.
+    /// Removes ghosts and walls, so that owned particles may be added and removed.
     pub fn strip_to_owned(&mut self) {
         let owned = self.owned;
         self.ghosts = 0;
         self.facets = FacetColumns::default();
         self.pieces = PieceColumns::default();
         self.each_column(|column| column.truncate(owned));
-        // Of a list of pairs that no longer holds.
+        // It belongs to a list of pairs that is no longer valid.
         self.travel.clear();
     }
 
-    /// Adds an owned particle. Ghosts and walls must be stripped.
+    /// Adds an owned particle. Ghosts and walls must have been removed.
     ///
     /// # Panics
-    /// If [`Library::admit`] was not asked for its scale, by which halo and grids are as wide as they must be.
+    /// If [`Library::admit`] was not called with its scale, which determines the width of halo and grids.
     pub fn push_owned(&mut self, particle: &Particle) {
-        // Naming every field: a new one does not compile until somebody decides where it goes.
+        // All fields are named, so that a new one does not compile before its place is decided.
         let Particle {
             id,
             shape,
@@ -407,10 +417,10 @@ impl Particles {
         }
     }
 
-    /// Appends an owned particle that another rank has turned in this step: as it turned there.
+    /// Adds an owned particle whose rotation in this step was computed by another rank, with that angular velocity.
     ///
     /// # Panics
-    /// As [`Particles::push_owned`].
+    /// See [`Particles::push_owned`].
     pub fn adopt(&mut self, particle: &Particle) {
         self.push_owned(particle);
         if let Some(spin) = &mut self.spin {
@@ -442,7 +452,7 @@ impl Particles {
         }
     }
 
-    /// Takes an owned particle out; the last owned one moves to its slot. Ghosts and walls must be stripped.
+    /// Removes an owned particle and returns it; the last owned one moves to its slot. Ghosts and walls must have been removed.
     pub fn take_owned(&mut self, slot: usize) -> Particle {
         let particle = self.owned_particle(slot);
         self.each_column(|column| column.take_out(slot));
@@ -488,7 +498,7 @@ impl Particles {
         [velocity, angular_velocity].map(|column| column.get(slot).copied().unwrap_or_default())
     }
 
-    /// Brings the columns of all slots to the number of ids.
+    /// Extends the columns of all slots to the number of ids.
     fn lengthen(&mut self) {
         let slots = self.id.len();
         self.standing.resize(slots, Standing::LAST);

@@ -1,30 +1,29 @@
-//! The order of space, in which bodies, pairs and contacts stand, and in which forces are summed: what stands side by side in
-//! memory touches.
+//! The order of space of bodies, pairs and contacts, in which forces are summed. Neighbours in memory touch.
 //!
-//! Sums decide bits, so the order may depend on positions only at moments that all runs of a scene share. The
-//! [`Standing`] of a particle is renewed at fixed numbers of steps, saved, and travels with the particle. The moment at which pairs are
-//! listed, ranks and restarts then leave no trace.
+//! The order of sums determines bits, so it may depend on positions only at moments that all runs of a scene share. The [`Standing`] of a
+//! particle is its place in the order. It is renewed at fixed numbers of steps, saved, and migrates with the particle. The listing of pairs,
+//! the ranks and restarts therefore have no influence.
 //!
-//! Particles stand in pencils as wide as one of them, in planes across the longest side of the domain, which are as small as they can be.
-//! Partners then stand in few rows, and memory delivers each from end to end. Along Hilbert's curve they stand nearer to each other, but in
-//! no rows: a step of a million spheres takes longer (`benchmarks/records/2026-11-peers`).
+//! Particles are ordered in pencils as wide as one of them, in planes across the longest side of the domain, which are as small as possible.
+//! Partners are then in few rows, and memory delivers each row from end to end. Along Hilbert's curve partners are nearer to each other, but
+//! not in rows: a step of a million spheres takes longer (`benchmarks/records/2026-11-peers`).
 
 use super::Particles;
 use crate::ids::{GlobalId, Slot, Standing};
 use crate::math::Vec3;
 use std::f64::consts::PI;
 
-/// How space is cut.
+/// Division of space into pencils.
 struct Pencils {
     low: Vec3,
-    /// Across the planes, across the pencils of a plane, along a pencil.
+    /// Axes across the planes, across the pencils of a plane, and along a pencil.
     axes: [usize; 3],
     /// Cells per length in these directions [1/m].
     per_length: [f64; 3],
 }
 
 impl Pencils {
-    /// Bits of the number of a cell in these directions.
+    /// Bits of a cell's number in these directions.
     const BITS: [u32; 3] = [20, 20, 23];
 
     fn of(particles: &Particles) -> Self {
@@ -41,7 +40,7 @@ impl Pencils {
         Self { low, axes: [longest, shortest, middle], per_length: [per_width, per_width, along] }
     }
 
-    /// Beyond the domain and beyond the last number all cells are one.
+    /// Standing of a place. Cells beyond the domain and beyond the last number count as the last one.
     fn standing(&self, place: &Vec3) -> Standing {
         let mut number = 0;
         for (k, (&axis, &bits)) in self.axes.iter().zip(&Self::BITS).enumerate() {
@@ -53,12 +52,12 @@ impl Pencils {
 }
 
 impl Particles {
-    /// Takes their standings from owned particles.
+    /// Removes the standings of owned particles.
     pub fn forget_order(&mut self) {
         self.standing[..self.owned].fill(Standing::LAST);
     }
 
-    /// Gives owned particles that have no standing that of their places.
+    /// Sets the standings of owned particles that have none, by their places.
     pub fn complete_order(&mut self) {
         if !self.standing[..self.owned].contains(&Standing::LAST) {
             return;
@@ -71,7 +70,7 @@ impl Particles {
         }
     }
 
-    /// Gives owned particles slots in their order, if many are out of it. Ghosts and walls must be stripped.
+    /// Sorts the slots of owned particles, if many are out of order. Ghosts and walls must have been removed.
     pub fn sort_owned(&mut self) {
         let stands = |slot: usize| self.stands(Slot(slot as u32));
         let falls = (1..self.owned).filter(|&slot| stands(slot) < stands(slot - 1)).count();
@@ -83,12 +82,12 @@ impl Particles {
         self.each_column(|column| column.sort(&slots));
     }
 
-    /// By what bodies stand: those of one standing by their ids.
+    /// Sort key of a body: standing, then id.
     fn stands(&self, slot: Slot) -> (Standing, GlobalId) {
         (self.standing[slot.index()], self.id[slot.index()])
     }
 
-    /// How many bodies stand before that of each slot; facets of walls stand last.
+    /// Place of each slot in the order; facets of walls come last.
     pub fn places(&self) -> Vec<u32> {
         let mut slots: Vec<u32> = (0..self.slots() as u32).collect();
         slots.sort_unstable_by_key(|&slot| self.stands(Slot(slot)));
@@ -104,7 +103,7 @@ impl Particles {
 mod tests {
     use crate::particles::crowd::crowd;
 
-    /// Each particle keeps all that it has, and slots then rise with the order.
+    /// Each particle keeps all its data, and slots then rise with the order.
     #[test]
     fn sorting_moves_whole_particles() {
         for sized in [false, true] {

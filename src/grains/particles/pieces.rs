@@ -1,8 +1,8 @@
-//! Pieces of unions, which have slots between those of bodies and of facets.
+//! Pieces of unions, with slots between those of bodies and of facets.
 //!
-//! Search, resolvers and laws see pieces as they see bodies. A piece has the pose and the velocity that its body gives it, from one formula,
-//! so that all ranks have the same bits. Its shape in the library has the mass of the body. What acts on pieces is added to their bodies in
-//! the order of the pieces.
+//! Search, resolvers and laws treat pieces like bodies. A piece has the pose and the velocity that its body gives it, by one formula, so that
+//! all ranks have the same bits. Its shape in the library has the mass of the body. Forces on pieces are added to their bodies in the order of
+//! the pieces.
 
 use super::Particles;
 use crate::contact::Pair;
@@ -13,35 +13,35 @@ use crate::shape::Union;
 /// Columns of pieces.
 #[derive(Clone, Debug, Default)]
 pub struct PieceColumns {
-    /// The slot of the body of each.
+    /// Slot of the body of each piece.
     body: Vec<u32>,
 }
 
 impl Particles {
-    /// How many slots bodies of particles have: those of pieces follow.
+    /// Number of slots of bodies of particles, which those of pieces follow.
     pub const fn first_piece(&self) -> usize {
         self.owned + self.ghosts
     }
 
-    /// How many pieces there are.
+    /// Number of pieces.
     pub const fn pieces(&self) -> usize {
         self.pieces.body.len()
     }
 
-    /// The slot of the body that a piece belongs to; of others their own.
+    /// Slot of the body to which a piece belongs; the same slot for all others.
     #[inline]
     pub fn body_of(&self, slot: Slot) -> Slot {
         let piece = slot.index().checked_sub(self.first_piece());
         piece.and_then(|piece| self.pieces.body.get(piece)).map_or(slot, |&body| Slot(body))
     }
 
-    /// Is it an owned particle, or a piece of one?
+    /// Whether the slot is an owned particle, or a piece of one.
     #[inline]
     pub fn is_owned(&self, slot: Slot) -> bool {
         self.body_of(slot).index() < self.owned
     }
 
-    /// Do both belong to one body?
+    /// Whether two pairs have the same bodies.
     #[inline]
     pub fn have_same_bodies(&self, one: Pair, other: Pair) -> bool {
         [(one.a, other.a), (one.b, other.b)]
@@ -49,7 +49,7 @@ impl Particles {
             .all(|(one, other)| self.body_of(one) == self.body_of(other))
     }
 
-    /// Appends the slots of pieces, once all owned particles and ghosts are there.
+    /// Appends the slots of pieces, after all owned particles and ghosts.
     pub(super) fn append_pieces(&mut self) {
         self.pieces.body.clear();
         if self.library.pieces.is_empty() {
@@ -74,7 +74,7 @@ impl Particles {
         }
     }
 
-    /// Brings pieces to where their bodies are, with the velocities that these give them.
+    /// Updates poses and velocities of pieces from their bodies.
     pub fn place_pieces(&mut self) {
         let first = self.first_piece();
         for piece in 0..self.pieces.body.len() {
@@ -106,7 +106,7 @@ impl Particles {
         }
     }
 
-    /// From the centre of a body to that of one of its pieces [m], and how that is turned.
+    /// Vector from the centre of a body to that of one of its pieces [m], and the rotation of the piece.
     fn place_in(&self, union: &Union, number: usize, body: usize) -> (Vec3, Quat) {
         let piece = &union.pieces()[number];
         let turn =
@@ -114,7 +114,7 @@ impl Particles {
         (turn * (piece.centre * self.scale_of(body)), turn * piece.rotation)
     }
 
-    /// Each piece of an owned particle: its slot, that of the particle, and where its centre is from that of the particle [m].
+    /// Pieces of owned particles: slot of the piece, slot of the particle, and vector from the particle's centre to the piece's [m].
     pub fn owned_pieces(&self) -> impl Iterator<Item = (usize, usize, Vec3)> + '_ {
         let of = self.pieces.body.iter().zip(self.first_piece()..);
         of.filter(|&(&body, _)| (body as usize) < self.owned).map(|(&body, slot)| {

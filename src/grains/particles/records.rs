@@ -1,4 +1,4 @@
-//! What travels when.
+//! Data of particles in messages between ranks.
 //!
 //! | | a new owner gets | a new ghost's rank gets | in every step |
 //! |---|---|---|---|
@@ -9,7 +9,7 @@
 //! | angular momentum | x, unless all are spheres | | |
 //! | angular velocity | x, if all are spheres | x, if a law needs it | x, if a law needs it |
 //! | gains of velocities ahead | x | x, if a law needs them | x, if a law needs them |
-//! | group, force, torque, what has accumulated, image | x | | |
+//! | group, force, torque, accumulated quantities, image | x | | |
 //! | records of touching contacts | x | | |
 
 use super::Particles;
@@ -20,11 +20,10 @@ use crate::population::Library;
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
 
-/// A particle with all its state, on its way to a new owner, or from a file. What the scene does
-/// not need stands at its default.
+/// A particle with all its state, for a new owner or from a file. Fields that the scene does not need have default values.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Particle {
-    /// Name for life.
+    /// Id for the life of the particle.
     pub id: GlobalId,
     /// Shape.
     pub shape: ShapeId,
@@ -34,30 +33,32 @@ pub struct Particle {
     pub group: u16,
     /// Centre [m].
     pub position: Vec3,
-    /// [m/s].
+    /// Velocity [m/s].
     pub velocity: Vec3,
-    /// At the position [N].
+    /// Force at the position [N].
     pub force: Vec3,
-    /// What has accumulated so far.
+    /// Quantities accumulated so far.
     pub accumulated: Accumulated<f64>,
-    /// In the order of space; [`Standing::LAST`] if it has none yet.
+    /// Place in the order of space; [`Standing::LAST`] if it has none yet.
     pub standing: Standing,
     /// Whole periods to add to the position.
     pub image: [i32; 3],
-    /// Body to world.
+    /// Rotation from body to world.
     pub quaternion: Quat,
-    /// World axes [kg m²/s].
+    /// Angular momentum, world axes [kg m²/s].
     pub angular_momentum: Vec3,
-    /// World axes [rad/s]. Of spheres alone it is the state, and the angular momentum follows; of others the other way round.
+    /// Angular velocity, world axes [rad/s].
+    ///
+    /// For spheres alone it is the state, and the angular momentum follows from it; for others the reverse.
     pub angular_velocity: Vec3,
-    /// Foreseen gains of its velocity [m/s] and its angular velocity [rad/s].
+    /// Foreseen gains of velocity [m/s] and angular velocity [rad/s].
     pub ahead: [Vec3; 2],
-    /// World axes [N m].
+    /// Torque, world axes [N m].
     pub torque: Vec3,
 }
 
 impl Particle {
-    /// A particle of the size of its shape, at rest, upright.
+    /// A particle at a scale of 1, at rest and upright.
     pub fn at_rest(id: GlobalId, shape: ShapeId, position: Vec3) -> Self {
         Self {
             id,
@@ -78,7 +79,7 @@ impl Particle {
         }
     }
 
-    /// The same with an angular velocity along the axes of the world [rad/s].
+    /// Copy with an angular velocity along the axes of the world [rad/s].
     #[must_use]
     pub fn spinning(self, angular_velocity: Vec3, library: &Library) -> Self {
         // L = R I Rᵀ ω
@@ -89,7 +90,7 @@ impl Particle {
     }
 }
 
-/// Takes the next numbers from bytes.
+/// Reads the next numbers from bytes.
 fn take<const N: usize>(rest: &mut &[u8]) -> [f64; N] {
     let (numbers, others) = rest.split_at(size_of::<[f64; N]>());
     *rest = others;
@@ -99,8 +100,9 @@ fn take<const N: usize>(rest: &mut &[u8]) -> [f64; N] {
 }
 
 impl Particles {
-    /// Packs what a ghost's rank gets in every step of each of these owned particles, in their order:
-    /// [`super::Needs::halo_values`] numbers each.
+    /// Packs the data of these owned particles that ranks with their ghosts get in every step, in order.
+    ///
+    /// There are [`super::Needs::halo_values`] numbers for each particle.
     pub fn pack_halo(&self, slots: &[u32]) -> Vec<u8> {
         let mut bytes =
             Vec::with_capacity(slots.len() * size_of::<f64>() * self.needs.halo_values());
@@ -126,11 +128,10 @@ impl Particles {
         bytes
     }
 
-    /// Unpacks what [`Particles::pack_halo`] packed on the owner's rank into the ghosts from slot
-    /// `first` on.
+    /// Unpacks data packed by [`Particles::pack_halo`] on the owner's rank into the ghosts from slot `first` on.
     ///
     /// # Panics
-    /// If there are fewer ghosts than the bytes hold: the ranks are out of step.
+    /// If there are fewer ghosts than data, that is, if the ranks are out of step.
     pub fn unpack_halo(&mut self, first: usize, bytes: &[u8]) {
         let rounding = self.cell.rounding_of_images();
         let size = size_of::<f64>() * self.needs.halo_values();
@@ -155,13 +156,13 @@ impl Particles {
             }
             if let Some(orientation) = &mut self.orientation {
                 let coords = nalgebra::Vector4::from(take::<4>(&mut rest));
-                // The owner's bits, not normalised again.
+                // Exactly the owner's bits, without another normalisation.
                 let quaternion = Quat::new_unchecked(coords.into());
                 let shape = self.shape[slot].index();
                 let scale = if self.needs.scale { self.scale[slot] } else { 1.0 };
-                // Nobody sees how a sphere is turned.
+                // The orientation of a sphere has no effect.
                 if self.library.shapes[shape].kind() != Kind::Sphere {
-                    // A turn by θ moves the quaternion by 2 sin(θ/4), which is more than 2θ/2.1 / 2.
+                    // A rotation by θ moves the quaternion by 2 sin(θ/4), which is more than 2θ/2.1 / 2.
                     let turned = (quaternion.coords - orientation.quaternion[slot].coords).norm();
                     moved += 2.1 * turned * (self.library.radius[shape] * scale);
                 }
@@ -173,8 +174,9 @@ impl Particles {
         }
     }
 
-    /// Appends ghosts with these names, shapes, standings and, if the scene needs them, scales; their state comes with
-    /// [`Particles::unpack_halo`].
+    /// Appends ghosts with these ids, shapes, standings and, if the scene needs them, scales.
+    ///
+    /// Their state follows with [`Particles::unpack_halo`].
     pub fn push_ghosts(&mut self, names: &[(GlobalId, ShapeId, Standing)], scales: &[f64]) {
         for &(id, shape, standing) in names {
             self.id.push(id);

@@ -1,28 +1,32 @@
-//! Particles of a shape counted by size, in cells of equal ratio between the limits of its law, or of what lists have given beyond them. Sums are of integers: the same in any order.
+//! Counts of particles of a shape by size.
+//!
+//! The cells have equal ratios, between the limits of the shape's law or of scales from lists beyond them. Sums are of integers, so they are the
+//! same in any order.
 
 use super::Library;
 use crate::ids::ShapeId;
 use crate::population::sizes::By;
 
-/// Squares and cubes of scales over the largest are summed in so many parts of 1: sums of 10^8 still fit.
+/// Resolution of the sums of squares and cubes of scales over the largest: sums of 10^8 still fit.
 const PARTS: f64 = (1_u64 << 36) as f64;
 
-/// How many there are of which size.
+/// Numbers of particles by size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Census {
     limits: [f64; 2],
-    /// By the upper edge of the cell, from that of cell -1: numbers, then cubes in parts of the largest; then sums of scales and of their
-    /// squares, in parts of the largest.
+    /// Sums by the upper edge of the cell, from that of cell -1: numbers, then cubes in parts of the largest.
+    ///
+    /// They are followed by the sums of scales and of their squares, in parts of the largest.
     sums: Vec<i64>,
 }
 
 impl Census {
-    /// Cells between the smallest and the largest scale.
+    /// Number of cells between the smallest and the largest scale.
     pub const CELLS: usize = 4096;
-    /// How many sums there are.
+    /// Number of sums.
     pub const SUMS: usize = 2 * (Self::CELLS + 1) + 2;
 
-    /// Of nobody; `None` if the shape has no law of sizes.
+    /// An empty census; `None` if the shape has a single size.
     pub fn of_shape(shape: ShapeId, library: &Library) -> Option<Self> {
         let law = library.sizes[shape.index()].distribution()?.limits();
         let known = library.scales[shape.index()];
@@ -30,16 +34,16 @@ impl Census {
         Some(Self { limits, sums: vec![0; Self::SUMS] })
     }
 
-    /// The least and the largest scale: what is counted between others cannot be added.
+    /// Least and largest scale. A census with other limits cannot be added.
     pub const fn limits(&self) -> [f64; 2] {
         self.limits
     }
 
-    /// One more.
+    /// Counts one particle.
     pub fn add(&mut self, scale: f64) {
         let [least, largest] = self.limits;
         let place = libm::log(scale / least) / libm::log(largest / least) * Self::CELLS as f64;
-        // Counted below the upper edge of its cell.
+        // It is counted below the upper edge of its cell.
         let edge = 1 + (place.max(0.0) as usize).min(Self::CELLS - 1);
         let part = scale / largest;
         let cubes = Self::CELLS + 1;
@@ -54,30 +58,30 @@ impl Census {
         &self.sums
     }
 
-    /// The same, to be summed over ranks.
+    /// All sums, to be summed over ranks.
     pub fn sums_mut(&mut self) -> &mut [i64] {
         &mut self.sums
     }
 
-    /// Adds the sums of another one of the same law.
+    /// Adds the sums of another census with the same limits.
     pub fn add_all(&mut self, sums: &[i64]) {
         for (all, other) in self.sums.iter_mut().zip(sums) {
             *all += other;
         }
     }
 
-    /// How many have been counted.
+    /// Number of particles counted.
     pub fn count(&self) -> i64 {
         self.sums[..=Self::CELLS].iter().sum()
     }
 
-    /// The scale at an edge of the cells.
+    /// Scale at an edge of the cells.
     pub fn edge(&self, edge: usize) -> f64 {
         let [least, largest] = self.limits;
         least * libm::pow(largest / least, edge as f64 / Self::CELLS as f64)
     }
 
-    /// The shares below all edges.
+    /// Shares below all edges.
     pub fn below(&self, by: By) -> Vec<f64> {
         let cubes = Self::CELLS + 1;
         let cells = match by {

@@ -1,5 +1,5 @@
-//! What particles are made of before there are any: shapes with masses and materials, how sizes and orientations of new ones are
-//! distributed, how shapes are mixed, and a count of those that have come or gone by size.
+//! Properties of particles before they exist: shapes with masses and materials, distributions of sizes and orientations, mixes of shapes, and
+//! counts by size of particles inserted or removed.
 
 pub mod census;
 pub mod mix;
@@ -13,15 +13,17 @@ use serde::{Deserialize, Serialize};
 use sizes::Sizes;
 use std::ops::Range;
 
-/// Everything that particles of one shape have in common. Pieces of unions stand here too, after the shapes of the particles, with
-/// the mass of their bodies; and after these facets of walls, with the mass of their walls.
+/// Data shared by particles of one shape.
+///
+/// The shapes of the particles are followed by pieces of unions, with the mass of their bodies. The last are facets of walls, with the mass of
+/// their walls.
 #[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize)]
 pub struct Library {
     /// Geometry.
     pub shapes: Vec<Shape>,
     /// Name in the scene.
     pub names: Vec<String>,
-    /// What it is made of.
+    /// Material.
     pub materials: Vec<MaterialId>,
     /// Bounding radius [m].
     pub radius: Vec<f64>,
@@ -29,38 +31,38 @@ pub struct Library {
     pub curvature_radius: Vec<f64>,
     /// Mass [kg].
     pub mass: Vec<f64>,
-    /// Mass as contacts feel it: infinite of held particles [kg].
+    /// Mass in contacts: infinite for held particles [kg].
     pub mass_felt: Vec<f64>,
     /// Principal moments of inertia [kg m²].
     pub inertia: Vec<Vec3>,
-    /// How the sizes of new particles are distributed.
+    /// Size distribution of new particles.
     pub sizes: Vec<Sizes>,
-    /// Least and largest scale of a particle: lengths of the particle over those of its shape [-].
+    /// Least and largest scale of a particle: lengths over those of its shape [-].
     pub scales: Vec<[f64; 2]>,
-    /// How many particles of each shape there can be at most; infinite if nothing is known [-].
+    /// Upper bound of the number of particles of each shape; infinite if unknown [-].
     pub most: Vec<f64>,
-    /// How many of them belong to particles.
+    /// Number of shapes of particles.
     pub particle_shapes: usize,
-    /// How many of those are of held particles: the last, copies of the others in their order ([`Library::add_held`]).
+    /// Number of those that are shapes of held particles: the last ones, copies of the others in their order ([`Library::add_held`]).
     pub held_shapes: usize,
-    /// Shape of the body and number of the piece, of the next shapes, which are pieces. The rest are facets of walls.
+    /// Body's shape and number within it, for the next shapes, which are pieces. The remaining shapes are facets of walls.
     pub pieces: Vec<(ShapeId, u16)>,
 }
 
-/// Mass over that of the shape, at a scale.
+/// Mass at a scale over that of the shape.
 #[inline]
 pub fn of_mass(scale: f64) -> f64 {
     scale * scale * scale
 }
 
-/// Moments of inertia over those of the shape, at a scale.
+/// Moments of inertia at a scale over those of the shape.
 #[inline]
 pub fn of_inertia(scale: f64) -> f64 {
     (scale * scale) * of_mass(scale)
 }
 
 impl Library {
-    /// Adds a shape; `density` in kg/m³. Returns its id. What has no volume, as a facet, has infinite mass.
+    /// Adds a shape with a `density` [kg/m³] and returns its id. A shape without finite volume, like a facet, has infinite mass.
     pub fn push(
         &mut self,
         name: &str,
@@ -88,7 +90,7 @@ impl Library {
         ShapeId((self.shapes.len() - 1) as u16)
     }
 
-    /// Adds the pieces of unions after the shapes of particles, those of held ones with infinite mass. Walls must not be there yet.
+    /// Adds the pieces of unions after the shapes of particles, with infinite mass for held ones. Walls must be added later.
     pub fn add_pieces(&mut self) {
         for of in 0..self.particle_shapes {
             let Shape::Union(body) = &self.shapes[of] else { continue };
@@ -105,24 +107,24 @@ impl Library {
         }
     }
 
-    /// The shapes of particles and of pieces.
+    /// Shapes of particles and of pieces.
     pub fn grains(&self) -> Range<usize> {
         0..self.particle_shapes + self.pieces.len()
     }
 
-    /// The facets of walls.
+    /// Facets of walls.
     pub fn facets(&self) -> Range<usize> {
         self.grains().end..self.shapes.len()
     }
 
-    /// The body of a shape, and the shape of its first piece, if it is a union.
+    /// Body of a shape and index of the shape of its first piece, if it is a union.
     pub fn union(&self, shape: ShapeId) -> Option<(&Union, usize)> {
         let Shape::Union(body) = &self.shapes[shape.index()] else { return None };
         let first = self.pieces.iter().position(|piece| *piece == (shape, 0))?;
         Some((body, self.particle_shapes + first))
     }
 
-    /// The body of a piece, and its number in it, if it is one.
+    /// Body of a piece and the piece's number within it, if the shape is a piece.
     #[inline]
     pub fn piece(&self, shape: ShapeId) -> Option<(&Union, usize)> {
         let place = shape.index().checked_sub(self.particle_shapes)?;
@@ -131,13 +133,13 @@ impl Library {
         Some((body, usize::from(number)))
     }
 
-    /// Lets new particles of a shape have sizes of this distribution.
+    /// Sets the size distribution of new particles of a shape.
     pub fn set_sizes(&mut self, shape: ShapeId, sizes: Sizes) {
         self.scales[shape.index()] = sizes.scales();
         self.sizes[shape.index()] = sizes;
     }
 
-    /// Makes room for a particle of this scale.
+    /// Extends the range of scales to a particle of this scale.
     pub fn admit(&mut self, shape: ShapeId, scale: f64) {
         let own = self.free(shape);
         for shape in [own, self.held(own)] {
@@ -146,7 +148,7 @@ impl Library {
         }
     }
 
-    /// Makes room for so many particles of a shape of the scene, or of held ones, if all of that shape are held.
+    /// Raises the bound of the number of particles of a shape of the scene; for held ones, if all of that shape are held.
     pub fn admit_number(&mut self, shape: ShapeId, count: f64) {
         let all_held = self.held_shapes > 0 && self.most[shape.index()] == 0.0;
         let shape = if all_held { self.held(shape) } else { shape };
@@ -154,13 +156,14 @@ impl Library {
         *most = most.max(count);
     }
 
-    /// How many particles of a shape of the scene there can be, held or not.
+    /// Upper bound of the number of particles of a shape of the scene, held or not.
     pub fn most_of(&self, shape: ShapeId) -> f64 {
         self.most[shape.index()].max(self.most[self.held(shape).index()])
     }
 
-    /// Gives each shape a copy for particles that are held. A contact with one of those is one with a body of infinite mass.
-    /// `held` says of a shape whether any of its particles may be held, and whether all are. Walls must not be there yet.
+    /// Adds a copy of each shape for held particles. A contact with one of these is one with a body of infinite mass.
+    ///
+    /// `held` tells for a shape whether any of its particles may be held, and whether all are. Walls must be added later.
     pub fn add_held(&mut self, held: impl Fn(ShapeId) -> [bool; 2]) {
         let own = self.particle_shapes;
         self.shapes.extend_from_within(..own);
@@ -186,41 +189,41 @@ impl Library {
         (self.particle_shapes, self.held_shapes) = (2 * own, own);
     }
 
-    /// How many shapes of particles the scene has.
+    /// Number of shapes of particles in the scene.
     pub const fn own_shapes(&self) -> usize {
         self.particle_shapes - self.held_shapes
     }
 
-    /// Is it the shape of held particles?
+    /// Whether the shape is one of held particles.
     #[inline]
     pub const fn is_held(&self, shape: ShapeId) -> bool {
         let index = shape.0 as usize;
         index < self.particle_shapes && index + self.held_shapes >= self.particle_shapes
     }
 
-    /// The shape of particles that are held, of a shape of the scene.
+    /// Shape of held particles for a shape of the scene.
     pub const fn held(&self, shape: ShapeId) -> ShapeId {
         ShapeId(shape.0 + self.held_shapes as u16)
     }
 
-    /// The shape of the scene, of one that may be that of held particles.
+    /// Shape of the scene for one that may be that of held particles.
     #[inline]
     pub const fn free(&self, shape: ShapeId) -> ShapeId {
         if self.is_held(shape) { ShapeId(shape.0 - self.held_shapes as u16) } else { shape }
     }
 
-    /// Mass of a particle as its contacts feel it: infinite if it is held [kg].
+    /// Mass of a particle in its contacts [kg]; infinite if it is held.
     #[inline]
     pub fn mass_in_contacts(&self, shape: ShapeId, scale: f64) -> f64 {
         self.mass_felt[shape.index()] * of_mass(scale)
     }
 
-    /// May a particle have another size than its shape?
+    /// Whether particles may have other sizes than their shapes.
     pub fn has_sizes(&self) -> bool {
         self.scales.iter().any(|scales| *scales != [1.0; 2])
     }
 
-    /// Shapes of particles with the scales that bound theirs: one if all are alike.
+    /// Shapes of particles with the bounds of their scales: one bound if all are alike.
     pub fn extremes(&self) -> impl Iterator<Item = (ShapeId, f64)> + '_ {
         let of_shape = |(index, &[least, largest]): (usize, &[f64; 2])| {
             let larger = (largest > least).then_some(largest);
@@ -230,7 +233,7 @@ impl Library {
         self.scales[..self.particle_shapes].iter().enumerate().flat_map(of_shape)
     }
 
-    /// How far a particle with faces can reach from a point of its surface [m]; 0 if none has any.
+    /// Largest distance of a particle with faces from a point of its surface [m]; 0 if no particle has faces.
     pub fn longest_with_faces(&self) -> f64 {
         let of = |shape: &Shape| {
             if shape.kind().has_faces() { 2.0 * shape.bounding_radius() } else { 0.0 }
@@ -258,7 +261,7 @@ impl Library {
         self.mass[shape.index()] * self.sizes[shape.index()].mean_volume()
     }
 
-    /// The mean over the particles of a mix of what goes with their volume, from that of each shape.
+    /// Mean over the particles of a mix of a quantity in proportion to volume, from its value for each shape at a scale of 1.
     pub fn mean_over(&self, mix: &mix::Mix, of_shape: impl Fn(ShapeId) -> f64) -> f64 {
         let volume = |shape: ShapeId| self.sizes[shape.index()].mean_volume();
         mix.shares().map(|(shape, share)| share * of_shape(shape) * volume(shape)).sum()
@@ -270,13 +273,13 @@ impl Library {
         self.inertia[shape.index()] * of_inertia(scale)
     }
 
-    /// Are mass and moments of inertia of a particle of this shape and scale within the range of numbers?
+    /// Whether mass and moments of inertia of a particle of this shape and scale neither overflow nor underflow.
     pub fn has_mass_at(&self, shape: ShapeId, scale: f64) -> bool {
         self.mass_at(shape, scale).is_normal()
             && self.inertia_at(shape, scale).iter().all(|i| i.is_normal())
     }
 
-    /// The largest bounding radius of a particle [m].
+    /// Largest bounding radius of a particle [m].
     pub fn largest_radius(&self) -> f64 {
         let radius = |(shape, scale): (ShapeId, f64)| self.radius[shape.index()] * scale;
         self.extremes().map(radius).fold(0.0, f64::max)

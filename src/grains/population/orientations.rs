@@ -1,38 +1,39 @@
-//! Which orientations new particles have.
+//! Orientations of new particles.
 
 use crate::math::{Quat, Vec3};
 use crate::random::Random;
 use nalgebra::Quaternion;
 use serde::{Deserialize, Serialize};
 
-/// A law of orientations.
+/// A distribution of orientations.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Orientations {
-    /// Any as likely as any other.
+    /// All orientations are equally likely.
     Random,
     /// Own axes along x, y, z.
     Upright,
-    /// An own axis along a direction, tilted at random, and turned about itself at random.
+    /// An own axis along a direction, with a random tilt and a random rotation about itself.
     Along {
-        /// Which own axis: 0, 1 or 2.
+        /// Index of the own axis: 0, 1 or 2.
         own: usize,
-        /// The direction, a unit vector.
+        /// Direction, a unit vector.
         axis: Vec3,
-        /// 1 less the cosine of the largest tilt: the height of the cap of the unit sphere on which the own axis ends, any point as
-        /// likely as any other.
+        /// 1 less the cosine of the largest tilt: the height of a cap of the unit sphere.
+        ///
+        /// The own axis ends on that cap, with equal likelihood at all points.
         cap: f64,
     },
 }
 
 impl Orientations {
-    /// One of them.
+    /// Draws an orientation.
     pub fn draw(&self, random: &mut Random) -> Quat {
         let (own, axis, cap) = match self {
             Self::Random => return random.rotation(),
             Self::Upright => return Quat::identity(),
             Self::Along { own, axis, cap } => (*own, axis, *cap),
         };
-        // Areas of caps are as their heights (Archimedes): 1 - cos θ is uniform, and half of it is the square of sin θ/2.
+        // Areas of caps are in proportion to their heights (Archimedes): 1 - cos θ is uniform, and half of it is the square of sin θ/2.
         let square = 0.5 * cap * random.unit();
         let [x, y] = random.on_circle();
         let mut about = Vec3::zeros();
@@ -49,8 +50,9 @@ fn quaternion(real: f64, imaginary: Vec3) -> Quat {
     Quat::new_unchecked(Quaternion::from_parts(real, imaginary))
 }
 
-/// The rotation by the least angle that turns a coordinate axis to a direction. Only square roots, so the bits are the same on
-/// every machine.
+/// Rotation by the least angle from a coordinate axis to a direction.
+///
+/// It uses only square roots, so the bits are the same on every machine.
 fn shortest_turn(own: usize, direction: &Vec3) -> Quat {
     let cosine = direction[own];
     let across = Vec3::ith(own, 1.0).cross(direction);
@@ -59,7 +61,7 @@ fn shortest_turn(own: usize, direction: &Vec3) -> Quat {
         let half_turn = quaternion(0.0, Vec3::ith((own + 1) % 3, 1.0));
         return if cosine > 0.0 { Quat::identity() } else { half_turn };
     }
-    // Of sine and cosine of half the angle the larger one first, which loses no digits.
+    // The larger of sine and cosine of half the angle first, which loses no digits.
     let larger = (0.5 * (1.0 + cosine.abs())).sqrt();
     let smaller = 0.5 * sine / larger;
     let [half_cosine, half_sine] = if cosine > 0.0 { [larger, smaller] } else { [smaller, larger] };
@@ -83,16 +85,17 @@ mod tests {
                     let turn = shortest_turn(own, &direction);
                     assert!((turn.norm() - 1.0).abs() < 2e-15);
                     assert!((turn * along - direction).norm() < 2e-15, "{own} {part} {sign}");
-                    // By the least angle: nothing turns about the own axis.
+                    // By the least angle: there is no rotation about the own axis.
                     assert_eq!(turn.imag()[own], 0.0);
                 }
             }
         }
     }
 
-    /// On a cap of half angle s the mean cosine of the tilt is (1 + cos s)/2 and its variance (1 - cos s)²/12; around the direction and
-    /// about itself the body is turned by any angle as likely as by any other: the mean of a unit vector is 0, with a
-    /// deviation of √(1/2) of each component. Five standard errors.
+    /// Statistics of tilts on a cap, within five standard errors.
+    ///
+    /// For a half angle s, the mean cosine of the tilt is (1 + cos s)/2 and its variance (1 - cos s)²/12. All rotations around the direction and about
+    /// the own axis are equally likely: the mean of a unit vector is 0, with a deviation of √(1/2) of each component.
     #[test]
     fn tilts_are_uniform_on_a_cap() {
         let count = 4000_u32;

@@ -1,24 +1,25 @@
-//! Which sizes new particles have.
+//! Sizes of new particles.
 
 use crate::random::Random;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::SQRT_2;
 
-/// How the scales of the particles of a shape are distributed. A scale is the ratio of a
-/// particle's lengths to those of its shape; mass goes with its cube, moments of inertia with its fifth power.
+/// Distribution of the scales of the particles of a shape.
+///
+/// A scale is the ratio of a particle's lengths to those of its shape. Mass goes with its cube, moments of inertia with its fifth power.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Sizes {
-    /// All particles are as large as their shape.
+    /// All particles have the size of their shape.
     #[default]
     One,
-    /// Any scale between these two is equally likely.
+    /// All scales between these two are equally likely.
     Uniform([f64; 2]),
-    /// As a law has it between limits.
+    /// A law between limits.
     Drawn(Distribution),
 }
 
 impl Sizes {
-    /// The scale of a new particle. Nothing is drawn if there is no choice.
+    /// Draws the scale of a new particle. No random number is used for a single size.
     pub fn draw(&self, random: &mut Random) -> f64 {
         match self {
             Self::One => 1.0,
@@ -36,7 +37,7 @@ impl Sizes {
         }
     }
 
-    /// In words, for `--plan`; empty if all are alike.
+    /// Description for `--plan`; empty for a single size.
     pub fn words(&self) -> String {
         match self {
             Self::One => String::new(),
@@ -45,7 +46,7 @@ impl Sizes {
         }
     }
 
-    /// The mean cube of scales: the mean volume of particles over that of their shape.
+    /// Mean cube of scales: mean volume of particles over that of their shape.
     pub fn mean_volume(&self) -> f64 {
         match self {
             Self::One => 1.0,
@@ -54,7 +55,7 @@ impl Sizes {
         }
     }
 
-    /// The distribution, if particles differ in size.
+    /// Distribution, if particles differ in size.
     pub fn distribution(&self) -> Option<Distribution> {
         match self {
             Self::One => None,
@@ -64,17 +65,17 @@ impl Sizes {
     }
 }
 
-/// What a share is a share of.
+/// Weight of shares.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum By {
     /// The number of particles.
     Number,
-    /// Their mass.
+    /// The mass of particles.
     Mass,
 }
 
 impl By {
-    /// As a scene has it.
+    /// Name in a scene.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Number => "number",
@@ -83,10 +84,10 @@ impl By {
     }
 }
 
-/// A law of sizes, not yet cut off at limits.
+/// A law of sizes, before it is cut off at limits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Law {
-    /// The same share on every length.
+    /// Equal shares of equal lengths.
     Uniform,
     /// Gauss' law.
     Normal {
@@ -95,28 +96,28 @@ pub enum Law {
         /// Standard deviation.
         deviation: f64,
     },
-    /// The logarithm has Gauss' law.
+    /// Gauss' law of the logarithm.
     Lognormal {
-        /// Half is smaller.
+        /// Scale below which half of the particles are.
         median: f64,
         /// Standard deviation of the natural logarithm.
         sigma: f64,
     },
-    /// `1 - exp(-(s / scale)^shape)` is smaller than s (Rosin and Rammler 1933, if by mass).
+    /// The share below s is `1 - exp(-(s / scale)^shape)` (Rosin and Rammler 1933, if by mass).
     Weibull {
-        /// 63.2 % is smaller.
+        /// Scale below which 63.2 % are.
         scale: f64,
         /// Exponent.
         shape: f64,
     },
-    /// Scales in rising order, each with the share that is smaller, from 0 to 1; in between as a straight line.
+    /// Scales in rising order, each with the share below it, from 0 to 1; linear in between.
     Table(Vec<[f64; 2]>),
 }
 
 impl Law {
-    /// The share that is smaller than `s`, without limits. Of [`Law::Uniform`], which has none of its own, between these.
+    /// Share below `s`, without limits; for [`Law::Uniform`], which has no bounds otherwise, between the given limits.
     pub fn below(&self, s: f64, [least, largest]: [f64; 2]) -> f64 {
-        // erfc keeps the digits of what is far below the mean.
+        // `erfc` keeps the digits of values far below the mean.
         let normal = |deviations: f64| 0.5 * libm::erfc(-deviations / SQRT_2);
         match self {
             Self::Uniform => (s - least) / (largest - least),
@@ -151,33 +152,34 @@ impl Law {
     }
 }
 
-/// A law between limits, by number or by mass, as a table of bins: inside a bin its density (by number or by mass, as the
-/// law has it) is constant. Bins are so narrow that this moves no share by more than `STRAIGHT` of a bin's;
-/// uniform laws and tables are met exactly. A draw needs no more than `+ - * /` and square roots, so its bits are the same
-/// on every machine.
+/// A law between limits, by number or by mass, as a table of bins.
+///
+/// In a bin its density is constant, by number or by mass like the law. Bins are so narrow that this changes no share by more than `STRAIGHT` of
+/// a bin's. Uniform laws and tables are represented exactly. A draw uses only `+ - * /` and square roots, so its bits are the same on every
+/// machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Distribution {
     law: Law,
     by: By,
     /// Edges of the bins, in rising order.
     edges: Vec<f64>,
-    /// The share by number below each edge.
+    /// Share by number below each edge.
     number: Vec<f64>,
-    /// The share by mass below each edge.
+    /// Share by mass below each edge.
     mass: Vec<f64>,
     /// Mean cube of scales.
     mean_volume: f64,
 }
 
 impl Distribution {
-    /// How far the cumulative curve may be from a straight line inside a bin, over the bin's share.
+    /// Largest deviation of the cumulative curve from a straight line in a bin, over the bin's share.
     const STRAIGHT: f64 = 5e-4;
-    /// Bins with less than this are not divided.
+    /// Bins with a smaller share are not divided.
     const LEAST_SHARE: f64 = 1e-12;
-    /// A law must have at least this share between the limits.
+    /// Least share of a law between the limits.
     pub const LEAST_INSIDE: f64 = 1e-6;
 
-    /// A law cut off at limits, `0 < least <= largest`; `None` if it has next to nothing between them.
+    /// A law cut off at limits, `0 < least <= largest`; `None` if it has almost no share between them.
     pub fn new(law: &Law, by: By, limits: [f64; 2]) -> Option<Self> {
         let [least, largest] = limits;
         let [first, last] = limits.map(|s| law.below(s, limits));
@@ -228,7 +230,7 @@ impl Distribution {
         [self.edges[0], self.edges[self.edges.len() - 1]]
     }
 
-    /// The share, by number or by mass, that is smaller than this scale.
+    /// Share below this scale, by number or by mass.
     pub fn below(&self, by: By, s: f64) -> f64 {
         let bin = self.edges.partition_point(|edge| *edge <= s);
         if bin == 0 {
@@ -245,13 +247,13 @@ impl Distribution {
         before + (share - before) * part
     }
 
-    /// The scale below which is this share, by number or by mass.
+    /// Scale below which this share is, by number or by mass.
     pub fn quantile(&self, by: By, share: f64) -> f64 {
         let shares = self.shares(by);
-        // Bins without a share are passed over.
+        // Bins without a share are skipped.
         let bin = shares.partition_point(|below| *below <= share).clamp(1, shares.len() - 1);
         let of_bin = shares[bin] - shares[bin - 1];
-        // Only the last of all can be without a share here.
+        // Only the last bin can be without a share here.
         let part = if of_bin > 0.0 { (share - shares[bin - 1]) / of_bin } else { 1.0 };
         let part = part.clamp(0.0, 1.0);
         let [a, b] = [self.edges[bin - 1], self.edges[bin]];
@@ -269,7 +271,7 @@ impl Distribution {
         s.clamp(a, b)
     }
 
-    /// Means of scales, of their squares and of their cubes, by number: of each bin in closed form.
+    /// Means of scales, of their squares and of their cubes by number, in closed form for each bin.
     pub fn mean_powers(&self) -> [f64; 3] {
         let mut means = [0.0; 3];
         for (shares, bin) in self.number.windows(2).zip(self.edges.windows(2)) {
@@ -301,7 +303,7 @@ impl Distribution {
     }
 }
 
-/// Adds the edges of bins from `start` (which stands there already) to `end`, in which the share `below` is nearly straight.
+/// Adds the edges of bins from `start` (already present) to `end`, in which the share `below` is nearly straight.
 fn divide(
     [start, end]: [f64; 2],
     [low, high]: [f64; 2],
@@ -316,7 +318,7 @@ fn divide(
         off.abs() > Distribution::STRAIGHT * share
     };
     let middle = at(0.5);
-    // Points that are not halves find a narrow law in the middle of wide limits, too.
+    // Points other than halves also find a narrow law in the middle of wide limits.
     let is_divided = depth < 48 && share > Distribution::LEAST_SHARE;
     if is_divided && start < middle && middle < end && [0.29, 0.5, 0.71].into_iter().any(is_bent) {
         let half = below(middle);
@@ -327,13 +329,13 @@ fn divide(
     }
 }
 
-/// Means of the scales, of their squares and cubes, by number in a bin that has a constant density by number or by mass.
+/// Means of scales, of their squares and cubes by number, in a bin with a constant density by number or by mass.
 fn mean_powers_in(by: By, [a, b]: [f64; 2]) -> [f64; 3] {
     let volume = mean_volume_in(by, [a, b]);
     match by {
         By::Number => [0.5 * (a + b), (a * a + a * b + b * b) / 3.0, volume],
         By::Mass => {
-            // By number the density goes with the inverse cube of the scale.
+            // By number, the density goes with the inverse cube of the scale.
             let width = (b - a) / a;
             let per_width = if width > 0.0 { libm::log1p(width) / width } else { 1.0 };
             [2.0 * a * b / (a + b), 2.0 * a * b * b / (a + b) * per_width, volume]
@@ -341,7 +343,7 @@ fn mean_powers_in(by: By, [a, b]: [f64; 2]) -> [f64; 3] {
     }
 }
 
-/// Mean cube of the scales by number in a bin that has a constant density by number or by mass.
+/// Mean cube of scales by number, in a bin with a constant density by number or by mass.
 fn mean_volume_in(by: By, [a, b]: [f64; 2]) -> f64 {
     match by {
         By::Number => 0.25 * (a + b) * (a * a + b * b),
@@ -365,7 +367,7 @@ mod tests {
         ]
     }
 
-    /// The bins have the law that they were made of, cut off, and a draw and a share undo each other.
+    /// The bins agree with their law, cut off at the limits, and quantile and share are inverse.
     #[test]
     fn bins_have_the_law_between_its_limits() {
         for law in laws() {
@@ -389,7 +391,7 @@ mod tests {
         }
     }
 
-    /// Hatch and Choate 1929: a lognormal law by number is one by mass of the same sigma, whose median is exp(3 sigma^2) times as large.
+    /// Hatch and Choate 1929: a lognormal law by number is one by mass with the same sigma and a median larger by exp(3 sigma^2).
     #[test]
     fn number_and_mass_of_a_lognormal_law_are_hatch_and_choates() {
         let (median, sigma) = (1.0, 0.25);
@@ -415,7 +417,7 @@ mod tests {
         }
     }
 
-    /// Uniform laws between 0.001 and 1 in closed form; others against sums over many equal parts of their logarithm.
+    /// Uniform laws between 0.001 and 1 in closed form; others compared with sums over many equal parts of their logarithm.
     #[test]
     fn means_of_powers_are_those_of_the_law() {
         let limits: [f64; 2] = [1e-3, 1.0];
@@ -429,7 +431,7 @@ mod tests {
         let by_number =
             [1, 2, 3].map(|n| (b.powi(n + 1) - a.powi(n + 1)) / (f64::from(n + 1) * (b - a)));
         is_near(of(&Law::Uniform, By::Number), by_number, 1e-12);
-        // Of a density that goes with the inverse cube.
+        // For a density with the inverse cube of the scale.
         let all = 0.5 * (a.powi(-2) - b.powi(-2));
         let by_mass = [(1.0 / a - 1.0 / b) / all, (b / a).ln() / all, (b - a) / all];
         let found = of(&Law::Uniform, By::Mass);

@@ -1,12 +1,11 @@
-//! Linked cells: every pair of bodies whose bounding spheres are closer than the skin.
+//! Linked cells: all pairs of bodies whose bounding spheres are closer than the skin.
 //!
-//! Bodies of like size share a grid whose cells are as wide as their reach, so partners stand in the
-//! same or in touching cells. Sizes that differ by more than two get grids of their own, and each
-//! small body looks into the grids of the larger ones (hierarchical grid; Ogarko and Luding 2012,
-//! DOI 10.1016/j.cpc.2011.12.019): the work stays in proportion to the number of bodies.
+//! Bodies of similar size share a grid whose cells are as wide as their reach, so partners are in the same or in touching cells. Sizes that
+//! differ by more than a factor of two get separate grids, and each small body searches the grids of the larger ones (hierarchical grid; Ogarko
+//! and Luding 2012, DOI 10.1016/j.cpc.2011.12.019). The work thus stays in proportion to the number of bodies.
 //!
-//! The grids span the bodies that are there, with the images nearest to the owned ones, so that a rank
-//! has cells for its own part of a periodic axis only; they go round the period where its bodies do.
+//! The grids span the bodies of the rank, with the images nearest to the owned ones. A rank thus has cells only for its own part of a periodic
+//! axis; they go round the period where its bodies do.
 
 use crate::cell::{Cell, Shear};
 use crate::contact::Pair;
@@ -16,11 +15,12 @@ use crate::particles::Particles;
 use crate::walls;
 use std::borrow::Cow;
 
-/// Distances are taken as so much longer when cells are chosen, for the rounding of positions.
+/// Factor on distances when cells are chosen, for the rounding of positions.
 const LEEWAY: f64 = 1.0 + 1e-9;
 
-/// All pairs of owned particles, ghosts and planes of walls with at least one owned particle and less than `skin`
-/// between bounding spheres [m]. The slots of facets follow those of the ghosts, there or not.
+/// Pairs with at least one owned particle and less than `skin` between bounding spheres [m].
+///
+/// The other body is an owned particle, a ghost or a plane of a wall. The slots of facets follow those of the ghosts, even if not yet appended.
 pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
     let mut pairs = Vec::new();
     let bodies = particles.first_facet();
@@ -50,14 +50,15 @@ pub fn close_pairs(particles: &Particles, skin: f64) -> Vec<Pair> {
     pairs
 }
 
-/// Takes note of the facets of meshes that come as near as `skin` [m] to the bounding sphere of an owned particle, for only these get
-/// slots; and the pairs, which [`close_pairs`] leaves out.
+/// Finds the facets of meshes nearer than `skin` [m] to the bounding sphere of an owned particle, which get slots.
+///
+/// Returns their pairs, which [`close_pairs`] leaves out.
 pub fn note_near_facets(particles: &mut Particles, skin: f64) -> Vec<Pair> {
     let mut near: Vec<(usize, GlobalId)> = Vec::new();
     for (k, wall) in particles.walls.iter().enumerate().filter(|(_, wall)| wall.mesh.is_some()) {
         for slot in 0..particles.owned {
             let reach = particles.radius(slot) + skin;
-            // A particle that goes through a period comes to other facets at once.
+            // A particle that passes through a period meets other facets at once.
             let places = particles.cell.places_within(&particles.position[slot], skin);
             let mut facets: Vec<u32> =
                 places.iter().flat_map(|place| wall.facets_near(place, reach)).collect();
@@ -85,7 +86,7 @@ pub fn note_near_facets(particles: &mut Particles, skin: f64) -> Vec<Pair> {
 struct Classes {
     /// Slots of each class; the first class has the largest bodies.
     members: Vec<Vec<u32>>,
-    /// The largest bounding radius of each class [m].
+    /// Largest bounding radius of each class [m].
     radius: Vec<f64>,
 }
 
@@ -94,7 +95,7 @@ impl Classes {
         if particles.needs.scale { Self::by_size(particles) } else { Self::by_shape(particles) }
     }
 
-    /// Each size by itself.
+    /// Classes from the size of each body.
     fn by_size(particles: &Particles) -> Self {
         let bodies = 0..particles.first_facet();
         let largest = bodies.clone().map(|slot| particles.radius(slot)).fold(0.0, f64::max);
@@ -112,7 +113,7 @@ impl Classes {
         classes
     }
 
-    /// All particles of a shape together.
+    /// Classes with all particles of a shape together.
     fn by_shape(particles: &Particles) -> Self {
         let library = &particles.library;
         let mut of_shape = vec![0; library.particle_shapes];
@@ -145,7 +146,7 @@ fn for_each_candidate(
     let (mut cell, mut positions) = (particles.cell, Cow::Borrowed(&particles.position[..bodies]));
     let mut leeway = LEEWAY;
     if let Some(upright) = cell.upright() {
-        // Edges that lean are looked at where they stand upright, and distances as longer.
+        // A tilted cell is searched in its upright image, with longer distances.
         positions = positions.iter().map(|place| cell.in_upright(place)).collect();
         leeway *= cell.upright_over_distance();
         cell = upright;
@@ -178,7 +179,7 @@ fn for_each_candidate(
     let Some(across) = across else { return };
     for (k, (class, grid)) in larger.iter().enumerate() {
         for (other, _) in &larger[k..] {
-            // Of two bodies of one class the lower looks up.
+            // For two bodies of one class, the lower one searches upwards.
             let shifts = if class == other { &[1.0][..] } else { &[1.0, -1.0] };
             for (&slot, &up) in classes.members[*other]
                 .iter()
@@ -190,24 +191,24 @@ fn for_each_candidate(
     }
 }
 
-/// Pairs of bodies between which images slide: the grids do not go round the period there.
+/// Pairs of bodies across a face with sliding images, where the grids do not go round the period.
 struct Across<'a> {
     cell: &'a Cell,
     shear: Shear,
-    /// Across which images slide [m].
+    /// Period across which images slide [m].
     period: f64,
-    /// As the grids have them.
+    /// Positions as in the grids [m].
     positions: &'a [Vec3],
 }
 
 impl<'a> Across<'a> {
-    /// `None` if no image slides.
+    /// Pairs of a cell with sliding images; `None` if no image slides.
     fn of(cell: &'a Cell, positions: &'a [Vec3]) -> Option<Self> {
         let shear = cell.shear()?;
         Some(Self { cell, shear, period: cell.periods()[shear.across], positions })
     }
 
-    /// Is there a face with sliding images between two bodies?
+    /// Whether a face with sliding images is between two bodies.
     fn is_between(&self, i: usize, j: usize) -> bool {
         let Self { shear: Shear { across, .. }, period, positions, .. } = *self;
         (positions[j][across] - positions[i][across]).abs() > 0.5 * period
@@ -241,7 +242,7 @@ impl<'a> Across<'a> {
     }
 }
 
-/// Positions in the images nearest to the middle of the owned ones.
+/// Positions of the images nearest to the middle of the owned bodies.
 fn unfolded<'a>(positions: Cow<'a, [Vec3]>, owned: usize, cell: &Cell) -> Cow<'a, [Vec3]> {
     if !cell.repeats() {
         return positions;
@@ -251,11 +252,11 @@ fn unfolded<'a>(positions: Cow<'a, [Vec3]>, owned: usize, cell: &Cell) -> Cow<'a
     positions.iter().map(|place| cell.image_near(place, &middle)).collect()
 }
 
-/// The box that the grids divide.
+/// Box that the grids divide.
 struct Space {
     low: Vec3,
     extent: Vec3,
-    /// Do the cells go round the period?
+    /// Whether the cells go round the period of each axis.
     wraps: [bool; 3],
 }
 
@@ -263,8 +264,8 @@ impl Space {
     fn around(positions: &[Vec3], cell: &Cell, reach: f64) -> Self {
         let (low, high) = bounds(positions);
         let mut extent = high - low;
-        // With a reach to spare before the period closes, no two images of a body are within reach. The image that slides may be
-        // on either side, and needs one on both.
+        // With a spare reach before the period closes, no two images of a body are within reach. A sliding image may be on either side
+        // and needs a reach on both.
         let mut wraps = [false; 3];
         let shear = cell.shear();
         for axis in (0..3).filter(|&axis| shear.is_none_or(|shear| shear.across != axis)) {
@@ -288,9 +289,9 @@ struct Grid<'a> {
     /// Slots by cell; those of cell `c` are `slots[first[c]..first[c + 1]]`.
     first: Vec<u32>,
     slots: Vec<u32>,
-    /// Where the bodies of these slots are [m].
+    /// Positions of the bodies of these slots [m].
     places: Vec<Vec3>,
-    /// No two bodies farther apart than this, within a cell and to the next, touch or are listed [m].
+    /// Largest distance of two bodies, in a cell or in neighbouring ones, that touch or are listed [m].
     reach: f64,
 }
 
@@ -300,7 +301,7 @@ impl<'a> Grid<'a> {
         let mut width = space.extent;
         for axis in 0..3 {
             if space.wraps[axis] && count[axis] < 3 {
-                // With two cells round the period each would be both neighbours of the other.
+                // With two cells round the period, each would be both neighbours of the other.
                 count[axis] = 1;
             }
             width[axis] = match count[axis] {
@@ -330,7 +331,7 @@ impl<'a> Grid<'a> {
         }
         grid.first = first;
         grid.places = grid.slots.iter().map(|&slot| positions[slot as usize]).collect();
-        // Round a period of one cell a body is in the same cell as its images: that axis does not tell how far away it is.
+        // With one cell round the period, a body is in the same cell as its images: that axis gives no distance.
         for axis in (0..3).filter(|&axis| space.wraps[axis] && count[axis] == 1) {
             grid.places.iter_mut().for_each(|place| place[axis] = 0.0);
         }
@@ -340,7 +341,7 @@ impl<'a> Grid<'a> {
     fn cell(&self, position: &Vec3) -> [usize; 3] {
         [0, 1, 2].map(|axis| {
             let cells = (position[axis] - self.space.low[axis]) / self.width[axis];
-            // Positions lie outside by rounding only: clamped.
+            // Positions are outside only by rounding.
             (cells as usize).min(self.count[axis] - 1)
         })
     }
@@ -353,13 +354,14 @@ impl<'a> Grid<'a> {
         &self.slots[self.bodies_in(cell)]
     }
 
-    /// Where the bodies of a cell stand among those of the grid.
+    /// Range of the bodies of a cell among those of the grid.
     fn bodies_in(&self, cell: usize) -> std::ops::Range<usize> {
         self.first[cell] as usize..self.first[cell + 1] as usize
     }
 
-    /// The cell `offset` away along an axis, if there is one, and by how much its bodies are shifted: by a period where the way goes
-    /// round [m].
+    /// Cell at `offset` along an axis, if there is one, and the shift of its bodies.
+    ///
+    /// The shift is a period where the way goes round the period, and zero elsewhere [m].
     fn neighbour(&self, axis: usize, cell: usize, offset: isize) -> Option<(usize, f64)> {
         let count = self.count[axis] as isize;
         let there = cell as isize + offset;
@@ -375,7 +377,7 @@ impl<'a> Grid<'a> {
 
     /// Calls `visit` once for every pair of slots within reach in the same cell or in touching ones.
     fn for_each_candidate(&self, visit: &mut impl FnMut(usize, usize)) {
-        // Wider by far than rounding, and far less than a skin.
+        // Wider by far more than rounding, and by far less than a skin.
         let limit = (self.reach * (1.0 + 1e-6)).powi(2);
         let mut look = |k: usize, m: usize, shift: &Vec3| {
             let apart = self.places[m] + shift - self.places[k];
@@ -432,7 +434,7 @@ impl<'a> Grid<'a> {
         }
     }
 
-    /// The cells along an axis within `reach` of a place; to be taken modulo their number.
+    /// Cells along an axis within `reach` of a place, to be taken modulo their number.
     fn cells_within(&self, axis: usize, place: f64, reach: f64) -> std::ops::Range<usize> {
         let count = self.count[axis] as isize;
         let cell =
@@ -450,8 +452,9 @@ impl<'a> Grid<'a> {
     }
 }
 
-/// How many cells, none narrower than `reach`, fit along each side of a box; together in proportion to
-/// the bodies in them, so that a sparse cloud does not cost more than a packing.
+/// Number of cells along each side of a box, none narrower than `reach`.
+///
+/// Together they are at most in proportion to the bodies, so that a sparse cloud costs no more than a packing.
 fn grid_counts(extent: &Vec3, reach: f64, bodies: usize) -> [usize; 3] {
     let most = 4.0 * bodies as f64 + 64.0;
     let mut width = reach;
@@ -501,8 +504,9 @@ mod tests {
         Vec3::new((i * 0.819_172_5).fract(), (i * 0.671_043_6).fract(), (i * 0.549_700_5).fract())
     }
 
-    /// Spheres of these radii at the points; those in the lower `share` of x are owned, the rest ghosts. Each size is a
-    /// shape of its own or, if `sized`, a scale of the first.
+    /// Spheres of these radii at the points. Spheres in the lower `share` of x are owned, the rest ghosts.
+    ///
+    /// Each size is a shape of its own or, if `sized`, a scale of the first.
     fn spheres(
         radii: &[f64],
         positions: &[Vec3],
@@ -525,7 +529,7 @@ mod tests {
         let width = positions.iter().map(|p| p.x).fold(0.0, f64::max);
         let mut ghosts = Vec::new();
         for (k, &position) in positions.iter().enumerate() {
-            // The larger, the rarer.
+            // Larger spheres are rarer.
             let size = (0..radii.len() - 1).find(|&n| k % (4 << n) != 0).unwrap_or(radii.len() - 1);
             let (id, shape) = (GlobalId(k as u64), ShapeId(if sized { 0 } else { size as u16 }));
             let scale = if sized { radii[size] / radii[0] } else { 1.0 };
@@ -608,7 +612,7 @@ mod tests {
         assert!(all > 1000, "{all} pairs");
     }
 
-    /// A few bodies, which leave most of the period along the flow empty.
+    /// A few bodies that leave most of the period along the flow empty.
     #[test]
     fn few_bodies_meet_across_a_face_that_slides() {
         let (high, skin) = (Vec3::repeat(10.0), 0.05);

@@ -1,11 +1,10 @@
-//! Which pairs may touch: a list with a skin, rebuilt when somebody has moved by half of it.
+//! List of pairs that may touch, with a skin. It is rebuilt when a body has moved by half of the skin.
 //!
-//! A pair is listed when its bounding spheres are closer than the skin. That depends on positions
-//! alone, never on the rank; and since a pair that does not touch leaves no trace, neither the
-//! moment nor the order of listing shows in the trajectory.
+//! A pair is listed when its bounding spheres are closer than the skin. That depends on positions alone, never on the rank. A pair that does not
+//! touch has no effect, so neither the moment nor the order of listing influences the trajectory.
 //!
-//! Pairs of particles stand in the [order of space](crate::particles::order), first by that of both which stands first; then come those
-//! with walls, in the same order. So whoever goes through the list meets the partners of each body in that order.
+//! Pairs of particles are in the [order of space](crate::particles::order), by the body that comes first in it. They are followed by pairs with
+//! walls, in the same order. A pass through the list thus meets the partners of each body in that order.
 
 mod cells;
 mod pieces;
@@ -23,48 +22,50 @@ use std::ops::Range;
 /// Pairs of the same kinds in a stretch of the list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Group {
-    /// The kinds of shape.
+    /// Kinds of shape.
     pub kinds: (Kind, Kind),
-    /// Where they stand in the list's order by kinds.
+    /// Range in the list's order by kinds.
     range: Range<usize>,
 }
 
-/// A part of the list: enough pairs for a call not to count, few enough for what is found to stay in the cache.
+/// A part of the list. It has enough pairs that the cost of a call is negligible, and few enough that the results stay in the cache.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stretch {
-    /// Where in the list.
+    /// Range in the list.
     pub range: Range<usize>,
-    /// Its pairs by kinds.
+    /// Pairs of the stretch by kinds.
     pub groups: Vec<Group>,
 }
 
-/// The pairs that may touch, and when to look at them again.
+/// Pairs that may touch, and when to examine them again.
 #[derive(Clone, Debug, Default)]
 pub struct PairList {
-    /// All pairs: of particles by where both stand, then those with walls.
+    /// All pairs: those of particles in the order of space, then those with walls.
     pub pairs: Vec<Pair>,
-    /// The list in parts.
+    /// Parts of the list.
     pub stretches: Vec<Stretch>,
-    /// The pairs of each stretch by kinds; numbers within the stretch.
+    /// Pairs of each stretch by kinds, as indices within the stretch.
     order: Vec<u32>,
-    /// A pair that does not touch need not be looked at until the travel of both bodies adds up to this [m]. It may
-    /// be too low, never too high, so it saves work and changes nothing.
+    /// Sum of the travel of both bodies up to which a pair that does not touch need not be examined [m].
+    ///
+    /// It may be too low, never too high, so it saves work and changes nothing.
     until: Vec<f32>,
 }
 
-/// As many pairs of a group are resolved in one call, about.
+/// Approximate number of pairs of a group that are resolved in one call.
 const AT_ONCE: usize = 512;
-/// The longest stretch.
+/// Largest number of pairs of a stretch.
 const LONGEST: usize = 8192;
 
-/// Leaves room for the rounding of the sum of clearance and travels to `f32`, and of travels.
+/// Margin for the rounding of the sum of clearance and travels to `f32`, and of travels.
 const TO_SINGLE: f64 = 1e-6;
-/// Leaves room for the rounding of a clearance, over the radius of a body.
+/// Margin for the rounding of a clearance, over the radius of a body.
 const ROUNDING: f64 = 1e-12;
 
 impl PairList {
-    /// Lists the pairs that [`close_pairs`] has found, for the particles where they are, of which these are the places in the order of
-    /// space.
+    /// Lists the pairs found by [`close_pairs`], at the present positions of the particles.
+    ///
+    /// `places` are the places of the slots in the order of space.
     ///
     /// # Panics
     /// If there are more pairs than have numbers, 2^31.
@@ -89,12 +90,12 @@ impl PairList {
         }
     }
 
-    /// Puts pairs, those with walls last, in order; returns where those with walls begin.
+    /// Sorts the pairs, with those with walls last; returns the index of the first pair with a wall.
     fn sort(&mut self, particles: &Particles, found: &[Pair], places: &[u32]) -> usize {
         let ends = |pair: &Pair| in_order(*pair, places);
         let with_walls = found.partition_point(|pair| pair.b.index() < particles.first_facet());
         let (among, with_walls) = found.split_at(with_walls);
-        // Counted first, then each to its place: sorting with keys would hold all pairs three times.
+        // Counting sort: sorting with keys would hold all pairs three times.
         let mut next = vec![0; particles.first_facet()];
         for pair in among {
             next[ends(pair).0 as usize] += 1;
@@ -119,7 +120,7 @@ impl PairList {
         among.len()
     }
 
-    /// Of which those from `with_walls` on have walls.
+    /// Divides the list into stretches. Pairs from `with_walls` on are with walls.
     fn cut_into_stretches(&mut self, particles: &Particles, with_walls: usize, places: &[u32]) {
         let first_body = |Pair { a, b }: Pair| {
             let is_first = places[a.index()] < places[b.index()];
@@ -140,8 +141,8 @@ impl PairList {
             let mut start = part.start;
             while start < part.end {
                 let mut end = part.end.min(start + length);
-                // Pairs of a particle with walls stand in one stretch: facets of a wall share them. So do those of a body of
-                // pieces with others.
+                // Pairs of a particle with walls are in one stretch, because facets of a wall share them. So are those of a body of pieces
+                // with others.
                 while (start >= with_walls || has_pieces)
                     && end < part.end
                     && first_body(self.pairs[end]) == first_body(self.pairs[end - 1])
@@ -164,14 +165,14 @@ impl PairList {
         }
     }
 
-    /// Asks memory for the pairs of a stretch; returns them.
+    /// Prefetches the data of the pairs of a stretch; returns the pairs.
     pub fn prefetch(&self, stretch: usize) -> &[Pair] {
         let range = &self.stretches[stretch].range;
         prefetch(&self.until[range.clone()]);
         &self.pairs[range.clone()]
     }
 
-    /// Which pairs of a group must be looked at: numbers within the stretch, in the room of `active`.
+    /// Pairs of a group that must be examined, as indices within the stretch, in the memory of `active`.
     pub fn active<'a>(
         &self,
         stretch: &Stretch,
@@ -179,7 +180,7 @@ impl PairList {
         particles: &Particles,
         active: &'a mut Vec<u32>,
     ) -> &'a [u32] {
-        // Every number is written, and the next one over it if the pair rests: no branch to be guessed wrongly.
+        // Every index is written, and overwritten by the next one if the pair rests: there is no branch to mispredict.
         if active.len() <= group.range.len() {
             active.resize(group.range.len() + 1, 0);
         }
@@ -207,7 +208,7 @@ impl PairList {
         }
     }
 
-    /// How many pairs were listed for each owned particle; 0 if it came after the last listing.
+    /// Number of pairs listed for each owned particle; 0 for one added after the last listing.
     pub fn listed_for_each(&self, particles: &Particles) -> Vec<i64> {
         let mut listed = vec![0; particles.owned];
         for slot in self.pairs.iter().flat_map(|pair| [pair.a, pair.b]) {
@@ -218,19 +219,19 @@ impl PairList {
         listed
     }
 
-    /// Bytes that the list holds.
+    /// Memory that the list holds [bytes].
     pub fn bytes(&self) -> usize {
         held(&self.pairs) + held(&self.order) + held(&self.until) + held(&self.stretches)
     }
 }
 
-/// The places of both bodies of a pair in the order of space, that of the first before that of the other.
+/// Places of both bodies of a pair in the order of space, the lower first.
 pub fn in_order(Pair { a, b }: Pair, places: &[u32]) -> (u32, u32) {
     let [a, b] = [a, b].map(|slot| places[slot.index()]);
     (a.min(b), a.max(b))
 }
 
-/// Leaves out pairs of which both are held, or one is and the other belongs to a wall: no force between them moves anything.
+/// Removes pairs of held particles with each other or with walls: no force between them moves anything.
 pub fn drop_held(found: &mut Vec<Pair>, particles: &Particles) {
     if particles.library.held_shapes == 0 {
         return;
@@ -240,22 +241,23 @@ pub fn drop_held(found: &mut Vec<Pair>, particles: &Particles) {
     found.retain(|pair| moves(pair.a) || moves(pair.b));
 }
 
-/// How far the surfaces of a pair can have come nearer since it was listed [m].
+/// Upper bound of the distance by which the surfaces of a pair have come nearer since it was listed [m].
 #[inline]
 fn travel(pair: Pair, particles: &Particles) -> f64 {
     particles.travel[pair.a.index()] + particles.travel[pair.b.index()]
 }
 
-/// Can no owned particle or wall have moved farther than this since the pairs were listed [m]?
+/// Whether no owned particle or wall can have moved farther than this since the pairs were listed [m].
 pub fn all_within(particles: &Particles, distance: f64) -> bool {
     let room = particles.room_of_turning();
-    // A wall of triangles without slots here moves, too.
+    // A wall of triangles without slots on this rank also counts.
     particles.travel[..particles.owned].iter().all(|way| *way <= distance)
         && particles.walls.iter().all(|wall| wall.nearer_since_listed(&room) <= distance)
 }
 
-/// Square of the largest distance that an owned particle or a wall has moved since the pairs were
-/// listed, and half of that by which images have slid [m²]; infinite if a position is not a number.
+/// Square of the largest displacement since the pairs were listed [m²]; infinite if a position is not a number.
+///
+/// It is that of owned particles and walls, plus half of the distance by which images have slid.
 pub fn moved_squared(particles: &Particles) -> f64 {
     let mut largest = 0.0;
     let mut sound = true;

@@ -1,4 +1,4 @@
-//! From pairs of bodies to pairs of their pieces.
+//! Pairs of pieces from pairs of bodies.
 
 use crate::contact::Pair;
 use crate::ids::Slot;
@@ -6,7 +6,9 @@ use crate::particles::Particles;
 use crate::shape::Shape;
 use std::ops::Range;
 
-/// Puts pairs of pieces in place of those of unions: all whose bounding spheres are closer than `skin` [m], in the order of the pairs of bodies.
+/// Replaces pairs of unions by pairs of their pieces, in the order of the pairs of bodies.
+///
+/// The pieces are those whose bounding spheres are closer than `skin` [m].
 pub fn with_pieces(particles: &Particles, found: Vec<Pair>, skin: f64) -> Vec<Pair> {
     if particles.pieces() == 0 {
         return found;
@@ -40,7 +42,9 @@ pub fn with_pieces(particles: &Particles, found: Vec<Pair>, skin: f64) -> Vec<Pa
     all
 }
 
-/// Are two bounding spheres, or one and a plane, nearer than this [m]? Facets of meshes are near wherever they are near the body.
+/// Whether two bounding spheres, or one and a plane, are nearer than `skin` [m].
+///
+/// A facet of a mesh near the body counts as near all its pieces.
 fn are_near(particles: &Particles, one: usize, other: usize, skin: f64) -> bool {
     let (place, reach) = (particles.position[one], particles.radius(one) + skin);
     if other < particles.first_facet() {

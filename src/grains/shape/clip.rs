@@ -1,14 +1,12 @@
-//! Cutting a convex polyhedron by planes: exact in its combinatorics, without tolerances.
+//! Clipping of a convex polyhedron by planes, with exact topology and without tolerances.
 //!
-//! A vertex lies inside a plane or outside; nothing lies on it. An edge is two sides, one of each of its faces, in opposite
-//! directions. A side that goes from inside to outside is an exit, its twin an entry, and the edge gets one new vertex,
-//! at which both its sides end and begin. In each face an exit is linked with the next entry by a new side, whose twin
-//! is a side of the cut. Each new vertex is that of one exit and of one entry. So the sides of the cut
-//! are a permutation of the new vertices, and its cycles are the polygons of the cut.
+//! A vertex lies inside a plane or outside, never on it. An edge has two sides, one for each of its faces, in opposite directions. A side from
+//! inside to outside is an exit, and its twin is an entry. The edge gets one new vertex, at which both its sides end and begin. In each face an
+//! exit is linked with the next entry by a new side, whose twin is a side of the cut. Each new vertex belongs to one exit and one entry. The
+//! sides of the cut are therefore a permutation of the new vertices, and its cycles are the polygons of the cut.
 //!
-//! The surface therefore stays closed whatever the rounding of vertices and planes: for coplanar faces, for shared edges
-//! and corners, and where rounding lets an outline cross a plane four times. (Compare Sutherland and Hodgman 1974,
-//! DOI 10.1145/360767.360802, who cut one polygon.)
+//! The surface thus stays closed whatever the rounding of vertices and planes. This includes coplanar faces, shared edges and corners, and
+//! outlines that cross a plane four times by rounding. (Compare Sutherland and Hodgman 1974, DOI 10.1145/360767.360802, who clip one polygon.)
 
 use super::facets::{Edge, Facets, Plane};
 use crate::math::Vec3;
@@ -20,52 +18,52 @@ pub struct Face<'a> {
     pub corners: &'a [u32],
     /// Its plane.
     pub plane: Plane,
-    /// Is it a cut? If not, it is a face of the body that was cut, or what is left of it.
+    /// Whether it is a cut. Otherwise it is a face of the original body, or what is left of it.
     pub is_cut: bool,
 }
 
 /// A face, without its corners.
 #[derive(Clone, Copy, Debug)]
 struct Outline {
-    /// Where it ends among the corners of all faces; it starts where the one before it ends.
+    /// End among the corners of all faces; it starts at the end of the previous one.
     end: u32,
-    /// Whose plane it has.
+    /// Index of its plane.
     plane: u32,
 }
 
 /// A convex polyhedron that is cut by one plane after the other. It keeps its memory from one polyhedron to the next.
 ///
-/// A cut appends what it makes and leaves the rest in its place: most faces are cut by few planes.
+/// A cut appends new elements and leaves the others in place, as most faces are cut by few planes.
 #[derive(Clone, Debug, Default)]
 pub struct Clipped {
-    /// All that were made.
+    /// All vertices, also those that were cut off.
     vertices: Vec<Vec3>,
-    /// Those that are not cut off, in rising order.
+    /// Vertices that are left, in rising order.
     left: Vec<u32>,
-    /// How far vertices that were left lie outside the plane [m].
+    /// Height of vertices above the last plane [m].
     heights: Vec<f64>,
-    /// All that were made.
+    /// All edges, also those that were cut off.
     edges: Vec<Edge>,
-    /// Those that are not cut off, in rising order.
+    /// Edges that are left, in rising order.
     edges_left: Vec<u32>,
-    /// Sides that go from inside to outside.
+    /// Sides from inside to outside.
     exits: Vec<u32>,
-    /// The side of the cut that begins at each new vertex.
+    /// Side of the cut that begins at each new vertex.
     of_cut: Vec<u32>,
-    /// Those of the body's faces, then those of the cuts.
+    /// Planes of the body's faces, then those of the cuts.
     planes: Vec<Plane>,
-    /// How many are the body's.
+    /// Number of planes of the body.
     of_body: usize,
     /// Corners of all faces, see [`Clipped::end`].
     corners: Vec<u32>,
     faces: Vec<Outline>,
 }
 
-/// The face of a side that is among the corners.
+/// Mark instead of the face of a side that is among the corners.
 const DONE: u32 = u32::MAX;
 
 impl Clipped {
-    /// Begins with a body.
+    /// Starts with a body.
     pub fn begin(&mut self, body: &Facets) {
         self.clear();
         self.vertices.extend_from_slice(body.vertices());
@@ -86,7 +84,7 @@ impl Clipped {
         self.faces.clear();
     }
 
-    /// Leaves the part with `p · normal <= offset`. Is there any?
+    /// Keeps the part with `p · normal <= offset`. Returns whether anything is left.
     pub fn cut(&mut self, plane: &Plane) -> bool {
         if !self.measure(plane) {
             return !self.left.is_empty();
@@ -105,7 +103,7 @@ impl Clipped {
         true
     }
 
-    /// Finds how far the vertices lie outside a plane. Does any?
+    /// Computes the heights of the vertices above a plane. Returns whether any is positive.
     fn measure(&mut self, plane: &Plane) -> bool {
         self.heights.resize(self.vertices.len(), 0.0);
         let mut all_inside = true;
@@ -117,7 +115,9 @@ impl Clipped {
         !all_inside
     }
 
-    /// Leaves the edges of which an end is inside, and finds the sides that go out. Without branches, as nobody can guess them.
+    /// Keeps the edges with an end inside, and finds the exits.
+    ///
+    /// The loop has no branches, as they could not be predicted.
     fn find_exits(&mut self) {
         let Self { heights, edges, edges_left, exits, .. } = self;
         exits.resize(edges_left.len(), 0);
@@ -135,7 +135,7 @@ impl Clipped {
         exits.truncate(out);
     }
 
-    /// On each edge that is cut, a vertex where its entry begins.
+    /// Makes a vertex on each edge that is cut, where its entry begins.
     fn make_vertices(&mut self) {
         let Self { vertices, heights, edges, exits, .. } = self;
         for &exit in exits.iter() {
@@ -149,7 +149,7 @@ impl Clipped {
         }
     }
 
-    /// Links exits with entries, and makes the sides of the cut. New vertices begin with the `first`.
+    /// Links exits with entries, and makes the sides of the cut. New vertices start at `first`.
     fn link(&mut self, first: u32, plane: &Plane) {
         let Self { edges, exits, of_cut, planes, .. } = self;
         let cut = planes.len() as u32;
@@ -176,7 +176,7 @@ impl Clipped {
         self.close(new);
     }
 
-    /// Links the sides of the cut with each other. Edges of the cut begin with the `new`.
+    /// Links the sides of the cut with each other. Edges of the cut start at `new`.
     fn close(&mut self, new: u32) {
         for number in 0..self.of_cut.len() as u32 {
             let next = self.of_cut[number as usize];
@@ -191,7 +191,7 @@ impl Clipped {
         }
     }
 
-    /// Where the cut has two corners, its polygon has no area: the two sides beyond it are one edge.
+    /// Merges the two sides beyond a cut polygon of two corners, which has no area, into one edge.
     fn join(&mut self, new: u32, [one, other]: [u32; 2]) {
         let Edge { from, next, face } = self.edges[(new + other) as usize];
         let joined = &mut self.edges[(new + one) as usize];
@@ -200,7 +200,7 @@ impl Clipped {
         self.edges[edge].next[side] = 2 * (new + one) + 1;
     }
 
-    /// Ends the cutting: finds the faces, by going round each.
+    /// Ends the cutting: finds the faces by their circuits.
     pub fn end(&mut self) {
         let Self { edges, edges_left, corners, faces, .. } = self;
         corners.clear();
@@ -229,7 +229,7 @@ impl Clipped {
         edges_left.clear();
     }
 
-    /// Once it has ended, forgets what was cut off, so that there are no other vertices than those that are left.
+    /// Drops the vertices that were cut off, after [`Clipped::end`].
     pub fn pack(&mut self) {
         let mut places = vec![0; self.vertices.len()];
         for (place, vertex) in (0..).zip(&mut self.left) {
@@ -243,17 +243,17 @@ impl Clipped {
         }
     }
 
-    /// Indices of the vertices that are left, in the order of their making.
+    /// Indices of the vertices that are left, in the order of their creation.
     pub fn left(&self) -> &[u32] {
         &self.left
     }
 
-    /// All vertices that were made [m], also those that were cut off.
+    /// All vertices [m], also those that were cut off.
     pub fn vertices(&self) -> &[Vec3] {
         &self.vertices
     }
 
-    /// Its faces, once it has ended.
+    /// Faces, after [`Clipped::end`].
     pub fn faces(&self) -> impl Iterator<Item = Face<'_>> {
         let mut start = 0;
         self.faces.iter().map(move |&Outline { end, plane }| {
@@ -265,13 +265,12 @@ impl Clipped {
     }
 }
 
-/// The edge of a side, and which of its two sides it is.
+/// Edge of a side, and index of the side in it.
 const fn place(side: u32) -> (usize, usize) {
     ((side / 2) as usize, (side % 2) as usize)
 }
 
-/// The body inside planes, as far as it lies in the cube about the origin with this half edge [m]. `None` if
-/// there is none.
+/// Body inside planes, within the cube about the origin with this half edge [m]; `None` if there is none.
 pub fn inside(planes: &[Plane], half_edge: f64) -> Option<Facets> {
     let mut body = Clipped::default();
     body.begin(&cube(half_edge));

@@ -1,12 +1,13 @@
-//! The tri-axial ellipsoid `x²/a² + y²/b² + z²/c² = 1`.
+//! Tri-axial ellipsoid `x²/a² + y²/b² + z²/c² = 1`.
 
 use super::{Convex, CurvedSupport};
 use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// The matrix `A = R diag(a²) Rᵀ` of an ellipsoid in place: xx, yy, zz, xy, xz, yz [m²]. Its surface
-/// is `x·A⁻¹ x = 1`, its support function `√(n·A n)`.
+/// Matrix `A = R diag(a²) Rᵀ` of an ellipsoid in place: xx, yy, zz, xy, xz, yz [m²].
+///
+/// The surface is `x·A⁻¹ x = 1`, and the support function `√(n·A n)`.
 pub type Form = [f64; 6];
 
 /// An ellipsoid about the origin with its axes along x, y, z.

@@ -1,11 +1,11 @@
-//! The faces of a convex polyhedron: planes, and polygons of vertices.
+//! Faces of a convex polyhedron: planes, and polygons of vertices.
 //!
-//! Where bodies are cut by planes ([`super::clip`]), a face is one polygon, however many triangles it was given by.
+//! For clipping by planes ([`super::clip`]), a face is one polygon, however many triangles it was given by.
 
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// The plane of a face: points `p` of the body have `p · normal <= offset`.
+/// Plane of a face: points `p` of the body have `p · normal <= offset`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plane {
     /// Outward unit normal.
@@ -16,14 +16,14 @@ pub struct Plane {
 
 /// An edge: a side of each of its two faces, in opposite directions.
 ///
-/// Sides have numbers: those of edge `e` are `2 e` and `2 e + 1`.
+/// Edge `e` has the sides `2 e` and `2 e + 1`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Edge {
-    /// The vertices where the sides begin.
+    /// Vertices where the sides begin.
     pub(super) from: [u32; 2],
-    /// The next side of either's face.
+    /// Next side in the face of each side.
     pub(super) next: [u32; 2],
-    /// Either's face.
+    /// Face of each side.
     pub(super) face: [u32; 2],
 }
 
@@ -43,7 +43,7 @@ pub struct Facets {
 }
 
 impl Facets {
-    /// Of a closed surface of triangles, each with the index of its plane.
+    /// Faces of a closed surface of triangles, each with the index of its plane.
     pub(super) fn of_triangles(
         vertices: &[Vec3],
         triangles: impl Iterator<Item = ([u32; 3], u32)>,
@@ -57,14 +57,14 @@ impl Facets {
         for (plane, triangles) in planes.iter().zip(&of_plane) {
             match outline(triangles) {
                 Some(polygon) => facets.push(*plane, &polygon),
-                // An outline that meets itself, which only slivers can have.
+                // The outline meets itself, which occurs only with slivers.
                 None => triangles.iter().for_each(|corners| facets.push(*plane, corners)),
             }
         }
         facets.closed()
     }
 
-    /// Of a body to which faces will be added, until it is [`Facets::closed`].
+    /// A body to which faces are added until it is [`Facets::closed`].
     pub(super) fn without_faces(vertices: &[Vec3]) -> Self {
         let bounding_radius = vertices.iter().map(Vec3::norm).fold(0.0, f64::max);
         Self { vertices: vertices.to_vec(), first: vec![0], bounding_radius, ..Self::default() }
@@ -77,7 +77,7 @@ impl Facets {
         self.first.push(self.corners.len() as u32);
     }
 
-    /// With all faces: finds the edges, in the order in which their first sides stand among the corners.
+    /// Completes the body after all faces: finds the edges, in the order of their first sides among the corners.
     pub(super) fn closed(mut self) -> Self {
         let mut sides = Vec::with_capacity(self.corners.len());
         for (face, ends) in (0..).zip(self.first.windows(2)) {
@@ -125,12 +125,12 @@ impl Facets {
         &self.edges
     }
 
-    /// The corners of the body [m].
+    /// Corners of the body [m].
     pub fn vertices(&self) -> &[Vec3] {
         &self.vertices
     }
 
-    /// The planes of the faces.
+    /// Planes of the faces.
     pub fn planes(&self) -> &[Plane] {
         &self.planes
     }
@@ -140,19 +140,18 @@ impl Facets {
         &self.corners
     }
 
-    /// Where each face ends among the [`Facets::corners`].
+    /// End of each face among the [`Facets::corners`].
     pub fn ends(&self) -> &[u32] {
         &self.first[1..]
     }
 
-    /// Radius of the smallest sphere about the origin that holds the body [m].
+    /// Radius of the smallest sphere about the origin that contains the body [m].
     pub const fn bounding_radius(&self) -> f64 {
         self.bounding_radius
     }
 }
 
-/// The outline of triangles of one plane: the sides that only one of them has, in their order. `None` if it does not
-/// go round once.
+/// Outline of triangles in one plane: the sides that only one of them has, in their order; `None` if it is not one circuit.
 fn outline(triangles: &[[u32; 3]]) -> Option<Vec<u32>> {
     let sides = || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
     let outer: Vec<(u32, u32)> =

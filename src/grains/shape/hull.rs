@@ -1,77 +1,76 @@
-//! The convex hull of points: the surface of a polyhedron.
+//! Convex hull of points: the surface of a polyhedron.
 //!
-//! Points are added one by one, and each that lies outside takes the place of the faces that it sees
-//! (the incremental algorithm: de Berg et al. 2008, *Computational Geometry*, section 11.2). What it
-//! sees is decided by exact predicates (Shewchuk 1997, DOI 10.1007/PL00009321): the result is a closed
-//! convex surface whatever the rounding of the points, with four corners of a face not quite in one
-//! plane, or a thousand of them. Time goes with the square of the number of points, which is nothing for
-//! a grain that is read once; the crates that do better bring a linear algebra of their own.
+//! Points are added one by one. A point outside replaces the faces that it sees (the incremental algorithm: de Berg et al. 2008,
+//! *Computational Geometry*, section 11.2). Exact predicates decide which faces a point sees (Shewchuk 1997, DOI 10.1007/PL00009321). The
+//! result is a closed convex surface whatever the rounding of the points. The corners of a face, four or a thousand, need not be exactly in one
+//! plane. The time grows with the square of the number of points, which is negligible for a particle that is read once. Faster crates depend
+//! on another linear algebra library.
 
 use super::facets::{Facets, Plane};
 use crate::math::{Mat3, Vec3};
 use robust::{Coord3D, orient3d};
 use serde::{Deserialize, Serialize};
 
-/// A body thinner than this part of its size is flat.
+/// Thickness over size below which a body is flat.
 const FLAT: f64 = 1e-6;
-/// Points nearer to each other than this part of the size are one.
+/// Distance over size below which points are one.
 const SAME: f64 = 1e-9;
-/// Triangles whose corners lie in the plane of a larger one, to this part of the size, belong to its face.
+/// Triangles with their corners in the plane of a larger one, within this part of the size, belong to its face.
 const COPLANAR: f64 = 1e-10;
-/// More points than this take seconds.
+/// Largest number of points; more would take seconds.
 const MOST: usize = 10_000;
-/// Lengths that can be multiplied threefold and divided again [m].
+/// Sizes whose third powers, and quotients of these, do not overflow or underflow [m].
 const SIZES: std::ops::RangeInclusive<f64> = 1e-60..=1e60;
-/// Up to so many vertices are looked at one by one for the farthest; of more, the surface is climbed.
+/// Largest number of vertices that are searched one by one for the farthest; for more, the search climbs along the surface.
 const SCAN: usize = 64;
 
-/// Why points have no convex hull that could be a grain.
+/// Reason why points have no convex hull that could be a particle.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum HullError {
-    /// Too few for a body.
+    /// Too few points for a body.
     #[error("{count} points make no body; at least 4 are needed")]
     TooFew {
-        /// So many.
+        /// Number of points.
         count: usize,
     },
-    /// Too many to be meant.
+    /// More points than are supported.
     #[error("{count} points are too many; thin the mesh out to {MOST} at most")]
     TooMany {
-        /// So many.
+        /// Number of points.
         count: usize,
     },
     /// A coordinate is NaN or infinite.
     #[error("point {index} (the first is 0) is not finite")]
     NotFinite {
-        /// Which.
+        /// Index of the point.
         index: usize,
     },
-    /// Nothing can be computed at this size.
+    /// The size is outside the range of computations.
     #[error("a body of {size:e} m leaves the range of numbers")]
     Size {
         /// Half the diagonal of the box around the points [m].
         size: f64,
     },
-    /// Two points in one place.
+    /// Two points at one place.
     #[error("points {first} and {second} (the first is 0) are the same")]
     Same {
-        /// The one.
+        /// First point.
         first: usize,
-        /// The other.
+        /// Second point.
         second: usize,
     },
-    /// All points lie in a plane, but for rounding.
+    /// All points lie in a plane within rounding.
     #[error("all points lie in one plane; the body has no volume")]
     Flat,
-    /// A point is no corner of the convex hull.
+    /// A point is not a corner of the convex hull.
     #[error(
         "not convex: point {index} (the first is 0) lies {depth:.4e} m inside the convex hull of \
          the others"
     )]
     Inside {
-        /// Which.
+        /// Index of the point.
         index: usize,
-        /// How far below the hull's surface [m].
+        /// Depth below the hull's surface [m].
         depth: f64,
     },
     /// A point lies on the convex hull, but neither at a corner nor on an edge.
@@ -80,12 +79,12 @@ pub enum HullError {
          other points inside a face with it; grains with dents cannot be simulated"
     )]
     WithinFace {
-        /// Which.
+        /// Index of the point.
         index: usize,
     },
 }
 
-/// A part of the surface.
+/// A triangle of the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Triangle {
     /// Indices of its vertices, counter-clockwise seen from outside.
@@ -94,7 +93,7 @@ pub struct Triangle {
     pub plane: u32,
 }
 
-/// What is written of a hull; all else follows.
+/// Serialised data of a hull, from which all other data follow.
 #[derive(Serialize, Deserialize)]
 struct Written {
     vertices: Vec<Vec3>,
@@ -136,7 +135,7 @@ pub struct Hull {
     /// Neighbours of vertex `k` are `neighbours[first[k]..first[k + 1]]`.
     neighbours: Vec<u32>,
     first: Vec<u32>,
-    /// The farthest vertex in the middle of each octant: bit 0 set where x is positive, bit 1 y, bit 2 z.
+    /// Farthest vertex in the middle of each octant: bit 0 is set where x is positive, bit 1 for y, bit 2 for z.
     octants: [u32; 8],
     bounding_radius: f64,
     inscribed_radius: f64,
@@ -144,7 +143,7 @@ pub struct Hull {
 }
 
 impl Hull {
-    /// The convex hull; points inside it or on a face are left out.
+    /// The convex hull of points; those inside it or on a face are left out.
     ///
     /// # Errors
     /// See [`HullError`], all but [`HullError::Inside`] and [`HullError::WithinFace`].
@@ -177,7 +176,7 @@ impl Hull {
     fn assembled(vertices: Vec<Vec3>, triangles: Vec<Triangle>, planes: Vec<Plane>) -> Self {
         let mut around = vec![Vec::new(); vertices.len()];
         for Triangle { corners: [a, b, c], .. } in &triangles {
-            // An edge comes once in each direction.
+            // Each edge occurs once in each direction.
             for (from, to) in [(a, b), (b, c), (c, a)] {
                 around[*from as usize].push(*to);
             }
@@ -215,7 +214,7 @@ impl Hull {
         }
     }
 
-    /// The same body seen from `origin`, in axes that are the columns of `axes`.
+    /// Copy relative to `origin`, in axes that are the columns of `axes`.
     #[must_use]
     pub fn seen_from(&self, origin: &Vec3, axes: &Mat3) -> Self {
         let vertices = self.vertices.iter().map(|v| axes.tr_mul(&(v - origin))).collect();
@@ -230,27 +229,27 @@ impl Hull {
         Self::assembled(vertices, self.triangles.clone(), planes)
     }
 
-    /// The corners of the body [m].
+    /// Corners of the body [m].
     pub fn vertices(&self) -> &[Vec3] {
         &self.vertices
     }
 
-    /// The surface; faces with more than three corners are cut up.
+    /// Triangles of the surface; faces with more than three corners are divided.
     pub fn triangles(&self) -> &[Triangle] {
         &self.triangles
     }
 
-    /// The planes of the faces, largest triangle first.
+    /// Planes of the faces, largest triangle first.
     pub fn planes(&self) -> &[Plane] {
         &self.planes
     }
 
-    /// The faces as polygons.
+    /// Faces as polygons.
     pub const fn facets(&self) -> &Facets {
         &self.facets
     }
 
-    /// The farthest vertex along `direction` (any length but zero) [m].
+    /// Farthest vertex along `direction` (any length but zero) [m].
     #[inline]
     pub fn support(&self, direction: &Vec3) -> Vec3 {
         self.vertices[self.farthest(direction)]
@@ -270,7 +269,7 @@ impl Hull {
         self.neighbours[range].iter().map(|&k| k as usize)
     }
 
-    /// From neighbour to neighbour, each farther out: on a convex body only the farthest has none.
+    /// Farthest vertex, reached from neighbour to neighbour: on a convex body only the farthest has no neighbour farther out.
     fn climbed(&self, direction: &Vec3) -> usize {
         let bit = |x: f64| usize::from(x > 0.0);
         let octant = bit(direction.x) | bit(direction.y) << 1 | bit(direction.z) << 2;
@@ -290,12 +289,13 @@ impl Hull {
         }
     }
 
-    /// The vertices at most `depth` [m] below the farthest along a unit vector, which comes first: one of a
-    /// corner, two of an edge, more of a face or a blunt corner.
+    /// Vertices at most `depth` [m] below the farthest along a unit vector, which comes first.
+    ///
+    /// There is one for a corner, two for an edge, and more for a face or a blunt corner.
     pub fn top(&self, direction: &Vec3, depth: f64) -> Vec<usize> {
         let mut top = vec![self.farthest(direction)];
         let least = self.vertices[top[0]].dot(direction) - depth;
-        // What is up there hangs together.
+        // The vertices within that depth are connected.
         let mut next = 0;
         while next < top.len() {
             for neighbour in self.neighbours_of(top[next]) {
@@ -308,13 +308,13 @@ impl Hull {
         top
     }
 
-    /// How far a point is below the surface, negative outside [m].
+    /// Depth of a point below the surface [m]; negative outside.
     pub fn depth(&self, point: &Vec3) -> f64 {
         let below = |plane: &Plane| plane.offset - plane.normal.dot(point);
         self.planes.iter().map(below).fold(f64::INFINITY, f64::min)
     }
 
-    /// How far a point is from the body; 0 inside [m].
+    /// Distance of a point from the body [m]; 0 inside.
     pub fn distance(&self, point: &Vec3) -> f64 {
         if self.depth(point) >= 0.0 {
             return 0.0;
@@ -338,7 +338,7 @@ impl Hull {
         self.planes.iter().all(|plane| above(plane) <= 0.0) || self.triangles.iter().any(near)
     }
 
-    /// Radius of the smallest sphere about the origin that holds the body [m].
+    /// Radius of the smallest sphere about the origin that contains the body [m].
     pub const fn bounding_radius(&self) -> f64 {
         self.bounding_radius
     }
@@ -348,13 +348,13 @@ impl Hull {
         self.inscribed_radius
     }
 
-    /// Half lengths of the smallest box about the origin that holds the body, along the axes [m].
+    /// Half lengths along the axes of the smallest box about the origin that contains the body [m].
     pub const fn half_extents(&self) -> Vec3 {
         self.half_extents
     }
 }
 
-/// The square of a point's distance from a triangle [m²].
+/// Squared distance of a point from a triangle [m²].
 fn squared_distance(point: &Vec3, [a, b, c]: [Vec3; 3]) -> f64 {
     let sides = [(a, b), (b, c), (c, a)];
     let normal = (b - a).cross(&(c - a));
@@ -370,10 +370,10 @@ fn squared_distance(point: &Vec3, [a, b, c]: [Vec3; 3]) -> f64 {
     sides.map(from_side).into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// The index of the point farthest along a direction, the first of several.
+/// Index of the point farthest along a direction, the first of several.
 #[inline]
 fn farthest(points: &[Vec3], direction: &Vec3) -> usize {
-    // Four at a time, because each comparison has to wait for the last one.
+    // Four at a time, because each comparison waits for the previous one.
     let (mut best, mut along) = ([0; 4], [f64::NEG_INFINITY; 4]);
     for (k, four) in points.chunks(4).enumerate() {
         for (lane, point) in four.iter().enumerate() {
@@ -392,7 +392,7 @@ fn farthest(points: &[Vec3], direction: &Vec3) -> usize {
         .0
 }
 
-/// Half the diagonal of the box around points, of which there are some [m].
+/// Half the diagonal of the box around points, of which there is at least one [m].
 pub(super) fn size(points: &[Vec3]) -> f64 {
     let (mut low, mut high) = (points[0], points[0]);
     for point in points {
@@ -401,7 +401,7 @@ pub(super) fn size(points: &[Vec3]) -> f64 {
     0.5 * (high - low).norm()
 }
 
-/// The size of points which have been found to be fit for a hull.
+/// Size of points that are valid for a hull [m].
 fn checked_size(points: &[Vec3]) -> Result<f64, HullError> {
     let count = points.len();
     if count < 4 {
@@ -430,7 +430,7 @@ fn checked_size(points: &[Vec3]) -> Result<f64, HullError> {
     Ok(size)
 }
 
-/// Four points far from each other, their faces counter-clockwise seen from outside.
+/// Faces of a tetrahedron of four points far from each other, counter-clockwise seen from outside.
 fn first_tetrahedron(points: &[Vec3], size: f64) -> Result<[[usize; 3]; 4], HullError> {
     let largest = |of: &dyn Fn(&Vec3) -> f64| {
         let sizes = points.iter().map(of).enumerate();
@@ -448,19 +448,19 @@ fn first_tetrahedron(points: &[Vec3], size: f64) -> Result<[[usize; 3]; 4], Hull
     if height <= FLAT * size {
         return Err(HullError::Flat);
     }
-    // The fourth point must see no face but see all others through the first.
+    // The fourth point must not see the first face.
     let (i, j) = if sees(points, [0, i, j], k) { (j, i) } else { (i, j) };
     Ok([[0, i, j], [0, k, i], [i, k, j], [j, k, 0]])
 }
 
-/// Is a point strictly outside the plane of a face?
+/// Whether a point is strictly outside the plane of a face.
 fn sees(points: &[Vec3], face: [usize; 3], point: usize) -> bool {
     let coord = |k: usize| Coord3D { x: points[k].x, y: points[k].y, z: points[k].z };
     let [a, b, c] = face.map(coord);
     orient3d(a, b, c, coord(point)) < 0.0
 }
 
-/// The faces of the convex hull, counter-clockwise seen from outside.
+/// Faces of the convex hull, counter-clockwise seen from outside.
 fn surface(points: &[Vec3], start: &[[usize; 3]; 4]) -> Vec<[usize; 3]> {
     let mut faces = start.to_vec();
     let mut outline: Vec<(usize, usize)> = Vec::new();
@@ -471,7 +471,7 @@ fn surface(points: &[Vec3], start: &[[usize; 3]; 4]) -> Vec<[usize; 3]> {
             if seen {
                 let [a, b, c] = face;
                 for (from, to) in [(a, b), (b, c), (c, a)] {
-                    // An edge between two seen faces comes once in each direction.
+                    // An edge between two seen faces occurs once in each direction.
                     match outline.iter().position(|&edge| edge == (to, from)) {
                         Some(k) => drop(outline.swap_remove(k)),
                         None => outline.push((from, to)),
@@ -485,8 +485,9 @@ fn surface(points: &[Vec3], start: &[[usize; 3]; 4]) -> Vec<[usize; 3]> {
     faces
 }
 
-/// The planes of the triangles, each only once, and which one each triangle lies in. The largest triangle
-/// gives the plane: slivers have no normal of their own.
+/// Distinct planes of the triangles, and the index of each triangle's plane.
+///
+/// The largest triangle of a face gives its plane, because the normals of slivers are inaccurate.
 fn planes(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> (Vec<Plane>, Vec<u32>) {
     let corners = |k: usize| triangles[k].map(|c| vertices[c as usize]);
     let across: Vec<Vec3> = (0..triangles.len())
@@ -515,7 +516,7 @@ fn planes(vertices: &[Vec3], triangles: &[[u32; 3]], tolerance: f64) -> (Vec<Pla
     (planes, plane_of)
 }
 
-/// The vertices at which three faces meet; others lie on an edge or a face, but for rounding.
+/// Vertices at which three faces meet; others lie on an edge or a face within rounding.
 fn corners_of_faces(vertices: &[Vec3], triangles: &[[u32; 3]], plane_of: &[u32]) -> Vec<Vec3> {
     let mut planes_at: Vec<Vec<u32>> = vec![Vec::new(); vertices.len()];
     for (corners, plane) in triangles.iter().zip(plane_of) {
@@ -559,7 +560,7 @@ mod tests {
 
     #[test]
     fn every_point_is_below_every_face() {
-        // A lattice: many points in one plane, on one line.
+        // A lattice has many points in one plane and on one line.
         let point = |k: u32| Vec3::from([k % 5, k / 5 % 5, k / 25].map(|i| f64::from(i) * 0.1));
         let points: Vec<Vec3> = (0..125).map(|k| point(k * 57 % 125)).collect();
         let hull = Hull::of(&points).unwrap();

@@ -1,7 +1,7 @@
-//! Files of triangles: STL (text or binary) and OBJ; and grains from them.
+//! Files of triangles, STL (text or binary) and OBJ, and particles from them.
 //!
-//! The mesh of a grain must be closed and convex; what it says of its surface is only used to check that. Binary STL keeps
-//! seven digits, which sets the tolerance.
+//! The mesh of a particle must be closed and convex; its triangles are only used to check that. Binary STL keeps seven digits, which sets the
+//! tolerance.
 
 mod obj;
 mod stl;
@@ -13,59 +13,59 @@ use crate::text::{self, Unreadable};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// How far a mesh may be from convex, relative to its size.
+/// Largest deviation of a mesh from convexity, relative to its size.
 const CONVEX: f64 = 1e-5;
-/// Half of the last of six digits, over the largest number, and a little more.
+/// Half of the last of six digits, over the largest number, with a margin.
 const SIX_DIGITS: f64 = 1e-6;
 /// Corners nearer to each other than this part of the size are one, however they were rounded.
 const SAME: f64 = 1e-8;
-/// Farther from the origin than so many times its size a mesh loses digits that matter.
+/// Distance from the origin, over its size, beyond which a mesh loses significant digits.
 const FAR: f64 = 100.0;
-/// How far its volume may be from that of its hull, relative.
+/// Largest deviation of the volume from that of the hull, relative.
 const CLOSED: f64 = 1e-3;
 
-/// Why a file gives no grain.
+/// Reason why a file gives no particle.
 #[derive(Debug, thiserror::Error)]
 pub enum MeshError {
-    /// No file.
+    /// The file cannot be read.
     #[error(transparent)]
     Unreadable(#[from] Unreadable),
-    /// Nothing to read.
+    /// The file has no triangles.
     #[error("{what}; an {format} file of triangles is needed")]
     NoTriangles {
         /// STL or OBJ.
         format: &'static str,
-        /// What it is instead.
+        /// Actual content.
         what: &'static str,
     },
-    /// Not what its name says.
+    /// The content does not match the format.
     #[error("{place}{cause}; correct it, or write it anew with the program that made it")]
     Malformed {
-        /// The line, of a text.
+        /// Line of a text, or empty.
         place: String,
-        /// What is wrong there.
+        /// Description of the error.
         cause: String,
     },
-    /// A polygon with a dent.
+    /// A polygon that is not convex.
     #[error(
         "line {line}: has a face of {corners} corners that is not convex, from the corner ({:e}, {:e}, {:e}): cut it into triangles with the program that made it",
         .corner.x, .corner.y, .corner.z
     )]
     Concave {
-        /// From 1.
+        /// Line number, from 1.
         line: usize,
-        /// Its first corner, in units of the file.
+        /// First corner, in units of the file.
         corner: Vec3,
-        /// How many it has.
+        /// Number of corners.
         corners: usize,
     },
-    /// Neither STL nor OBJ.
+    /// The name ends neither in `.stl` nor in `.obj`.
     #[error("must end in .stl or .obj")]
     Ending,
-    /// No hull.
+    /// The convex hull cannot be built.
     #[error(transparent)]
     Hull(#[from] HullError),
-    /// A dent.
+    /// The mesh is not convex.
     #[error(
         "the mesh is not convex: its surface lies up to {depth:.4e} m ({:.2} % of its size) inside \
          its convex hull; only convex grains can be simulated, as the hull itself",
@@ -77,20 +77,20 @@ pub enum MeshError {
         /// Half the diagonal of the box around the mesh [m].
         size: f64,
     },
-    /// Holes, or triangles facing inwards.
+    /// The mesh has holes, or triangles facing inwards.
     #[error(
         "the mesh is not closed: it holds {volume:.4e} m3, its convex hull {hull:.4e} m3; close its \
          holes, and let all triangles face outwards"
     )]
     Open {
-        /// Of the mesh [m³].
+        /// Volume of the mesh [m³].
         volume: f64,
-        /// Of its convex hull [m³].
+        /// Volume of its convex hull [m³].
         hull: f64,
     },
 }
 
-/// The corners of the convex grain of these triangles, lengths times `scale` (metres per unit of the file) [m].
+/// Corners of the convex particle of these triangles [m], with lengths times `scale` (metres per unit of the file).
 ///
 /// # Errors
 /// If the mesh is not closed or not convex.
@@ -99,7 +99,7 @@ pub fn convex(mut triangles: Vec<[Vec3; 3]>, scale: f64) -> Result<Vec<Vec3>, Me
     corners(&triangles)
 }
 
-/// The corners of all triangles in a file, in its units.
+/// Corners of all triangles in a file, in its units.
 ///
 /// # Errors
 /// If the file cannot be read.
@@ -107,10 +107,10 @@ pub fn triangles(path: &Path) -> Result<Vec<[Vec3; 3]>, MeshError> {
     Ok(groups(path)?.into_iter().flat_map(|(_, triangles)| triangles).collect())
 }
 
-/// Triangles of a part of a file, under its name.
+/// Triangles of a part of a file, with its name.
 pub type Group = (String, Vec<[Vec3; 3]>);
 
-/// Triangles of each object or group of an OBJ, with its name; of other files all are one.
+/// Triangles of each object or group of an OBJ file, with its name; other files have one group.
 ///
 /// # Errors
 /// If the file cannot be read.
@@ -135,7 +135,9 @@ pub fn groups(path: &Path) -> Result<Vec<Group>, MeshError> {
     Ok(groups)
 }
 
-/// The corners of triangles, those that are one but for rounding once, and the triangles by their numbers. Triangles without an area are left out.
+/// Distinct corners of triangles, and the triangles by their indices.
+///
+/// Corners equal within rounding are merged. Triangles without an area are left out.
 pub fn welded(triangles: &[[Vec3; 3]]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let corners = distinct(triangles);
     let near = SAME * size(&corners);
@@ -149,7 +151,7 @@ pub fn welded(triangles: &[[Vec3; 3]]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (corners, faces)
 }
 
-/// A corner at an edge that has no triangle on its other side, the other way round; `None` of a closed surface.
+/// A corner at an edge without a triangle of opposite direction on its other side; `None` for a closed surface.
 pub fn open_edge(faces: &[[u32; 3]]) -> Option<u32> {
     let sides = |[a, b, c]: &[u32; 3]| [(*a, *b), (*b, *c), (*c, *a)];
     let mut open: BTreeMap<(u32, u32), i32> = BTreeMap::new();
@@ -160,7 +162,7 @@ pub fn open_edge(faces: &[[u32; 3]]) -> Option<u32> {
     open.into_iter().find(|(_, count)| *count != 0).map(|((from, _), _)| from)
 }
 
-/// What the seven digits of binary STL have done to a mesh that is small and far from the origin of its file, if they have.
+/// Warning about the seven digits of binary STL, for a mesh that is small and far from the origin of its file.
 pub fn lost_digits(path: &Path, triangles: &[[Vec3; 3]]) -> Option<String> {
     let is_single = |x: &f64| f64::from(*x as f32) == *x;
     let mut coordinates = triangles.iter().flatten().flatten();
@@ -179,17 +181,17 @@ pub fn lost_digits(path: &Path, triangles: &[[Vec3; 3]]) -> Option<String> {
     })
 }
 
-/// Does the name of a file end so, in small letters or large?
+/// Whether the name of a file has this ending, in lower or upper case.
 pub fn has_ending(path: &Path, ending: &str) -> bool {
     path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending))
 }
 
-/// Wrong at a line of a text.
+/// Error at a line of a text.
 fn malformed(line: usize, cause: impl Into<String>) -> MeshError {
     MeshError::Malformed { place: format!("line {line}: "), cause: cause.into() }
 }
 
-/// The three numbers with which a line goes on.
+/// The next three numbers of a line.
 fn three<'a>(words: impl Iterator<Item = &'a str>, line: usize) -> Result<Vec3, MeshError> {
     let mut numbers = [f64::NAN; 3];
     let mut count = 0;
@@ -212,7 +214,9 @@ fn three<'a>(words: impl Iterator<Item = &'a str>, line: usize) -> Result<Vec3, 
     Ok(Vec3::from(numbers))
 }
 
-/// A polygon as triangles around its first corner, of many corners cut otherwise. Where it is dented, or bent so much that it is turned over, they do not cover it.
+/// A polygon as triangles around its first corner, or by halves if it has many corners.
+///
+/// A polygon that is dented, or bent so much that it turns over, is an error, because the triangles do not cover it.
 fn fan(corners: &[Vec3], line: usize) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let [first, others @ ..] = corners else { return Ok(Vec::new()) };
     let triangles: Vec<[Vec3; 3]> = others.windows(2).map(|two| [*first, two[0], two[1]]).collect();
@@ -220,14 +224,14 @@ fn fan(corners: &[Vec3], line: usize) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let upright: Vec3 = triangles.iter().map(area).sum();
     let (count, upright) = (corners.len(), upright.normalize());
     let (low, high) = bounds(corners);
-    // A corner within a side, in a text of six digits.
+    // Tolerance for a corner within a side, in a text of six digits.
     let rounding = CONVEX * (high - low).norm() + SIX_DIGITS * low.amax().max(high.amax());
     let is_dented = |corners: &[Vec3; 3]| {
         let chord = (corners[2] - corners[0]).norm();
         area(corners).dot(&upright) < -rounding * chord.max(rounding)
     };
     let three = |k: usize| [0, 1, 2].map(|next| corners[(k + next) % count]);
-    // A star has no dent; its triangles are turned over.
+    // The corners of a star have no dent, but its triangles are turned over.
     if count > 3 && ((0..count).any(|k| is_dented(&three(k))) || triangles.iter().any(is_dented)) {
         return Err(MeshError::Concave { line, corner: *first, corners: count });
     }
@@ -239,10 +243,10 @@ fn fan(corners: &[Vec3], line: usize) -> Result<Vec<[Vec3; 3]>, MeshError> {
     Ok(triangles)
 }
 
-/// More triangles around one corner are slivers, each beside all others.
+/// More triangles around one corner would be slivers next to each other.
 const LARGEST_FAN: usize = 12;
 
-/// Cuts a convex polygon into a triangle and two halves, and these again.
+/// Cuts a convex polygon into a triangle and two halves, and these recursively.
 fn halve(corners: &[Vec3], into: &mut Vec<[Vec3; 3]>) {
     let [first, .., last] = corners else { return };
     let middle = corners.len() / 2;
@@ -253,7 +257,7 @@ fn halve(corners: &[Vec3], into: &mut Vec<[Vec3; 3]>) {
     }
 }
 
-/// The corners of all triangles, each only once.
+/// Distinct corners of all triangles.
 fn distinct(triangles: &[[Vec3; 3]]) -> Vec<Vec3> {
     let mut points: Vec<Vec3> = triangles.iter().flatten().copied().collect();
     if points.is_empty() {
@@ -271,7 +275,7 @@ fn distinct(triangles: &[[Vec3; 3]]) -> Vec<Vec3> {
     kept
 }
 
-/// The corners of the hull of a closed and convex mesh.
+/// Corners of the hull of a closed and convex mesh.
 fn corners(triangles: &[[Vec3; 3]]) -> Result<Vec<Vec3>, MeshError> {
     let mut points = distinct(triangles);
     let hull = Hull::of(&points)?;
@@ -286,7 +290,7 @@ fn corners(triangles: &[[Vec3; 3]]) -> Result<Vec<Vec3>, MeshError> {
     if depth > CONVEX * size {
         return Err(MeshError::Dented { depth, size });
     }
-    // From inside: a hole whose plane holds the origin would not show.
+    // Seen from inside: a hole whose plane contains the origin would not show.
     let origin = hull.vertices().iter().sum::<Vec3>() / hull.vertices().len() as f64;
     let volume = |[a, b, c]: [Vec3; 3]| (a - origin).dot(&(b - origin).cross(&(c - origin))) / 6.0;
     let mesh_volume: f64 = triangles.iter().map(|&t| volume(t)).sum();

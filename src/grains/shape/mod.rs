@@ -1,18 +1,18 @@
-//! What a grain is: a convex body, given by its support point.
+//! Particle shapes: convex bodies, given by their support point.
 //!
 //! # A new shape
 //!
-//! 1. A file here with a type for which [`Convex`] is implemented: support point, radii, volume, inertia. Erosion,
-//!    EPA and walls ask for nothing else. The rest of the trait makes contacts better or cheaper: curvature for the
-//!    common-normal solver, a margin or flat faces for the resolvers that know what to do with them.
-//! 2. A line in the list of shapes below, from which come [`Kind`], [`Shape`] and the names.
-//! 3. Its keys, and what reads them, in `src/scene/geometry.rs`: the compiler asks for them.
+//! 1. A file here with a type that implements [`Convex`]: support point, radii, volume, inertia. Erosion, EPA and walls need nothing else.
+//!    The rest of the trait makes contacts better or cheaper: curvature for the common-normal solver, a margin or flat faces for the
+//!    resolvers that use them.
+//! 2. A line in the list of shapes below, which generates [`Kind`], [`Shape`] and the names.
+//! 3. Its keys, and the code that reads them, in `src/scene/geometry.rs`: the compiler asks for them.
 //!
-//! Flat are the faces of polyhedra and rounded polyhedra alone, whose contacts have an area, and straight the sides of
-//! spherocylinders, whose contacts have a length ([`crate::contact::Overlap`]). Those of a superellipsoid are
-//! nearly flat for small exponents ([`Superellipsoid::EXPONENTS`]).
+//! Only polyhedra and rounded polyhedra have flat faces, whose contacts have an area. Only spherocylinders have straight sides, whose
+//! contacts have a length ([`crate::contact::Overlap`]). The sides of a superellipsoid are nearly flat for small exponents
+//! ([`Superellipsoid::EXPONENTS`]).
 //!
-//! A program that uses this crate needs none of the last two: [`Shape::Other`] holds anything convex.
+//! A program that uses this crate needs neither 2 nor 3: [`Shape::Other`] holds any convex body.
 
 pub mod clip;
 pub mod ellipsoid;
@@ -51,15 +51,15 @@ pub use superellipsoid::{CurvedSupport, Superellipsoid};
 pub use triangle_mesh::TriangleMesh;
 pub use union::Union;
 
-/// Lengths whose powers, as in moments and curvatures, are numbers [m].
+/// Lengths whose powers, as in moments and curvatures, do not overflow or underflow [m].
 pub const LENGTHS: RangeInclusive<f64> = 1e-40..=1e30;
 
-/// A convex body about its centre of mass, axes along its principal axes of inertia.
+/// A convex body about its centre of mass, with axes along its principal axes of inertia.
 pub trait Convex: Debug + Send + Sync {
-    /// The farthest point along `direction` (any length but zero) [m].
+    /// Farthest point along `direction` (any length but zero) [m].
     fn support(&self, direction: &Vec3) -> Vec3;
 
-    /// Radius of the smallest sphere about the centre that holds the body, or a little more [m].
+    /// Radius of the smallest sphere about the centre that contains the body, or a little more [m].
     fn bounding_radius(&self) -> f64;
 
     /// Radius of the largest sphere about the centre inside the body, or a little less [m].
@@ -74,7 +74,7 @@ pub trait Convex: Debug + Send + Sync {
     /// Whether a point is in the body.
     fn contains(&self, point: &Vec3) -> bool;
 
-    /// Half lengths along the local axes of the smallest box about the centre that holds the body [m].
+    /// Half lengths along the local axes of the smallest box about the centre that contains the body [m].
     fn half_lengths(&self) -> Vec3 {
         Vec3::from_fn(|i, _| {
             let axis = Vec3::ith(i, 1.0);
@@ -88,11 +88,11 @@ pub trait Convex: Debug + Send + Sync {
         None
     }
 
-    /// Where a small `step` of the unit vector `direction` leads if not the direction, but the support point
-    /// moves in a straight line: the normal at `point + hessian · step`, of any length. `here` is the curved
-    /// support along `direction`.
+    /// Normal at `point + hessian · step`, of any length: the new direction if the support point moves in a straight line.
     ///
-    /// The same to first order, and far closer to a minimum near a flat face, where the support point moves
+    /// `here` is the curved support along the unit vector `direction`, and `step` a small step of it. The result agrees with the moved direction
+    /// to first order. It is far closer to a minimum near a flat face, where the support point moves with a small power of the direction.
+    /// Returns `None` where this brings nothing.
     /// with a small power of the direction. `None` where there is no use in it.
     #[inline]
     fn follow(&self, _here: &CurvedSupport, _direction: &Vec3, _step: &Vec3) -> Option<Vec3> {
@@ -104,54 +104,55 @@ pub trait Convex: Debug + Send + Sync {
         0.0
     }
 
-    /// The matrix of an ellipsoid or a sphere in place, its axes the columns of `frame`, see [`Form`] [m²]; not a
-    /// number for other shapes.
+    /// Matrix of an ellipsoid or a sphere in place, see [`Form`] [m²]; NaN for other shapes.
+    ///
+    /// The columns of `frame` are the axes of the body in the world.
     #[inline]
     fn form(&self, _frame: &Mat3) -> Form {
         [f64::NAN; 6]
     }
 
-    /// Radius of the sphere that rolls around the shape's core: that of a sphere, of a spherocylinder, of the
-    /// edges of a rounded polyhedron; 0 for all others [m].
+    /// Radius of the sphere rolled around the shape's core [m]: that of a sphere, of a spherocylinder, of the edges of a rounded polyhedron.
+    ///
+    /// It is 0 for all other shapes.
     #[inline]
     fn margin(&self) -> f64 {
         0.0
     }
 
-    /// The farthest point along `direction` of what is left without the margin [m].
+    /// Farthest point of the core, which is the body without its margin, along `direction` [m].
     #[inline]
     fn core_support(&self, direction: &Vec3) -> Vec3 {
         self.support(direction)
     }
 
-    /// What is flat of it: only a face that is known has the contact point in its middle.
+    /// Flat part of the shape. A contact point is in the middle of a face only if the face is known.
     #[inline]
     fn core(&self) -> Core<'_> {
         Core::Curved
     }
 
-    /// The faces of a polyhedron, or of one that stands for the body in contacts with other such bodies and with
-    /// planes.
+    /// Faces of a polyhedron, or of the polyhedron that represents the body in contacts with other such bodies and with planes.
     #[inline]
     fn facets(&self) -> Option<&Facets> {
         None
     }
 
-    /// How far the polyhedron of these faces extends beyond the body for which it stands [m].
+    /// Extent of that polyhedron beyond the body that it represents [m].
     fn excess(&self) -> f64 {
         0.0
     }
 
-    /// Where its axes lie in those of the user's file, if they had to be found.
+    /// Axes of the body in those of the user's file, if they were computed.
     fn placement(&self) -> Option<&Placement> {
         None
     }
 }
 
-/// What is flat of a shape: where a whole edge or face of it can touch another body.
+/// Flat part of a shape, where a whole edge or face can touch another body.
 #[derive(Clone, Copy, Debug)]
 pub enum Core<'a> {
-    /// Nothing: it is curved everywhere.
+    /// No flat part: the shape is curved everywhere.
     Curved,
     /// A segment of this half length along the local x [m].
     Segment(f64),
@@ -159,23 +160,23 @@ pub enum Core<'a> {
     Hull(&'a Hull),
 }
 
-/// Makes [`Kind`] and [`Shape`] of a list of types, each with what a [`Shape`] holds, its name and its [`Fact`]s.
+/// Generates [`Kind`] and [`Shape`] from a list of types, each with the type that [`Shape`] holds, its name and its [`Fact`]s.
 macro_rules! shapes {
     ($(
         $(#[$doc:meta])*
         $kind:ident ($(#[$held_as:meta])* $held:ty), $name:literal, $facts:expr;
     )*) => {
-        /// Which family of shape: pairs are resolved in batches of one pair of kinds.
+        /// Family of a shape: pairs are resolved in batches of one pair of kinds.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum Kind {
             $($(#[$doc])* $kind,)*
         }
 
         impl Kind {
-            /// Every kind, in the order of batches.
+            /// All kinds, in the order of batches.
             pub const ALL: [Self; [$($name),*].len()] = [$(Self::$kind),*];
 
-            /// As the scene file and reports name it.
+            /// Name in the scene file and in reports.
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Self::$kind => $name,)*
@@ -189,14 +190,14 @@ macro_rules! shapes {
             }
         }
 
-        /// A body's geometry, centred on its centre of mass, axes along its principal axes of inertia.
+        /// Geometry of a body, centred on its centre of mass, with axes along its principal axes of inertia.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         pub enum Shape {
             $($(#[$doc])* $(#[$held_as])* $kind($held),)*
         }
 
         impl Shape {
-            /// The family it belongs to.
+            /// Kind of the shape.
             pub const fn kind(&self) -> Kind {
                 match self {
                     $(Self::$kind(_) => Kind::$kind,)*
@@ -208,8 +209,9 @@ macro_rules! shapes {
     };
 }
 
-/// Gives [`Shape`] the methods of [`Convex`]: as its own, and each a `match` instead of a virtual call, for
-/// resolvers spend their time in support points.
+/// Gives [`Shape`] the methods of [`Convex`] as its own.
+///
+/// Each is a `match` instead of a virtual call, because resolvers spend their time in support points.
 macro_rules! dispatched {
     ($kinds:tt) => {
         dispatched! { $kinds
@@ -253,10 +255,10 @@ macro_rules! dispatched {
     };
 }
 
-/// What resolvers may rely on.
+/// Properties on which resolvers may rely.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Fact {
-    /// It has a common normal, for which it has curvature everywhere.
+    /// It has a common normal, because it has curvature everywhere.
     Smooth,
     /// It is a point, a segment or a polyhedron with a sphere rolled around it.
     Margin,
@@ -264,7 +266,7 @@ enum Fact {
     Faces,
 }
 
-/// What [`Shape::Other`] refers to.
+/// Type behind [`Shape::Other`].
 type Other = dyn Convex;
 
 shapes! {
@@ -282,9 +284,9 @@ shapes! {
     Polyhedron(Box<Polyhedron>), "polyhedron", &[Fact::Faces];
     /// A convex polyhedron with a sphere rolled around it.
     RoundedPolyhedron(Box<RoundedPolyhedron>), "rounded-polyhedron", &[Fact::Margin, Fact::Faces];
-    /// Any body of convex pieces, which stand for it in contacts.
+    /// Any body of convex pieces, which represent it in contacts.
     Union(Box<Union>), "union", &[];
-    /// Any convex body, of a program that uses this crate. Scene files and messages between ranks have none.
+    /// Any convex body of a program that uses this crate. It cannot occur in scene files and messages between ranks.
     Other(#[serde(with = "not_sent")] Arc<dyn Convex>), "other", &[];
     /// The solid side of a plane: a wall.
     HalfSpace(HalfSpace), "plane", &[];
@@ -310,38 +312,40 @@ mod not_sent {
 }
 
 impl Kind {
-    /// Is it a surface of a wall, and no body of particles?
+    /// Whether it is a surface of a wall and not of particles.
     pub const fn is_of_walls(self) -> bool {
         matches!(self, Self::HalfSpace | Self::TriangleMesh)
     }
 
-    /// Has it a common normal, which needs curvature everywhere?
+    /// Whether it has a common normal, which needs curvature everywhere.
     pub fn is_smooth(self) -> bool {
         self.facts().contains(&Fact::Smooth)
     }
 
-    /// Is it an ellipsoid, if only a round one?
+    /// Whether it is an ellipsoid or a sphere.
     pub const fn is_ellipsoidal(self) -> bool {
         matches!(self, Self::Sphere | Self::Ellipsoid)
     }
 
-    /// Is it a point, a segment or a polyhedron with a sphere rolled around it?
+    /// Whether it is a point, a segment or a polyhedron with a sphere rolled around it.
     pub fn has_margin(self) -> bool {
         self.facts().contains(&Fact::Margin)
     }
 
-    /// Is it a polyhedron, if only a rounded one?
+    /// Whether it is a polyhedron, rounded or not.
     pub fn has_faces(self) -> bool {
         self.facts().contains(&Fact::Faces)
     }
 
-    /// Has it a straight side?
+    /// Whether it has a straight side.
     pub fn has_side(self) -> bool {
         self == Self::Spherocylinder
     }
 
-    /// Contacts of faces, of two polyhedra, and of straight sides, of two spherocylinders, have an extent, as have those of
-    /// both with planes and with triangles. Which of them it can have as the first and as the second body, as bits: a pair with one in common has that.
+    /// Kinds of extended contacts that it can have as the first and as the second body, as bits.
+    ///
+    /// A pair with a common bit has such a contact. Contacts of faces, between two polyhedra, and of straight sides, between two spherocylinders,
+    /// have an extent. So do their contacts with planes and with triangles.
     pub fn extended(self) -> [u8; 2] {
         let own = u8::from(self.has_faces()) | u8::from(self.has_side()) << 1;
         let with_walls = match self {
@@ -352,7 +356,7 @@ impl Kind {
     }
 }
 
-/// The same object, not just the same body.
+/// Identity of the object, not equality of the bodies.
 impl PartialEq for dyn Convex {
     fn eq(&self, other: &Self) -> bool {
         std::ptr::addr_eq(self, other)
@@ -360,7 +364,7 @@ impl PartialEq for dyn Convex {
 }
 
 impl Shape {
-    /// A superellipsoid or its octants with exponents of at least this, below 1; `None` of other shapes.
+    /// Copy of a superellipsoid, or of its octants, with exponents of at least `least`, below 1; `None` for other shapes.
     #[must_use]
     pub fn with_exponents_from(&self, least: f64) -> Option<Self> {
         match self {
@@ -402,9 +406,10 @@ impl Shape {
         }
     }
 
-    /// Largest `dᵀ (1 + m [r]ᵀ I⁻¹ [r]) d` over surface points `r` and unit directions `d`: how many
-    /// times more compliant a surface point is than the centre of mass. 3.5 for a sphere. Enters the
-    /// stable time step. Sampled over [`directions`] in the shape's own frame.
+    /// Largest compliance of a surface point over that of the centre of mass [-], for the stable time step.
+    ///
+    /// It is the largest `dᵀ (1 + m [r]ᵀ I⁻¹ [r]) d` over surface points `r` and unit directions `d`: 3.5 for a sphere. It is sampled over
+    /// [`directions`] in the shape's own frame.
     pub fn surface_compliance(&self) -> f64 {
         let gyration = self.gyration();
         let inverse = Mat3::from_diagonal(&gyration.map(|g| 1.0 / g));

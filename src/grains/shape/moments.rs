@@ -1,33 +1,33 @@
 //! Volume, centre of mass and inertia of polyhedra, sharp and rounded: exact, piece by piece.
 //!
-//! A polyhedron is a sum of tetrahedra (with signs: no matter where they have their common corner). A
-//! polyhedron rounded by a sphere of radius `r` is, by Steiner's formula, that polyhedron, a prism of
-//! height `r` on each face, a wedge of a cylinder along each edge and a sector of a sphere at each corner:
-//! `V = V₀ + S r + M r² + 4π/3 r³` with the surface `S` and half the sum `M` of edge lengths times
-//! exterior angles. The second moments of all these pieces have closed forms; those of the sectors
-//! follow from integrals of `u` and `u uᵀ` over a spherical polygon, which Stokes's theorem turns into sums
-//! over its sides (Arvo 1995, "Applications of irradiance tensors", DOI 10.1145/218380.218467).
+//! A polyhedron is a sum of signed tetrahedra with any common corner. A polyhedron rounded by a sphere of radius `r` consists of four parts by
+//! Steiner's formula: that polyhedron, a prism of height `r` on each face, a wedge of a cylinder along each edge and a sector of a sphere at
+//! each corner. Its volume is `V = V₀ + S r + M r² + 4π/3 r³` with the surface `S` and half the sum `M` of edge lengths times exterior angles.
+//!
+//! The second moments of all these pieces have closed forms. The moments of the sectors follow from integrals of `u` and `u uᵀ` over a spherical
+//! polygon, which Stokes's theorem turns into sums over its sides (Arvo 1995, "Applications of irradiance tensors",
+//! DOI 10.1145/218380.218467).
 
 use super::clip::Clipped;
 use super::hull::Hull;
 use crate::math::{Mat3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// Off-diagonal second moments below this part of the trace are rounding: the axes are kept.
+/// Part of the trace below which off-diagonal second moments are rounding and the axes are kept.
 const ALIGNED: f64 = 1e-12;
-/// Normals of two faces closer than this [rad] are of one face.
+/// Angle below which two normals belong to one face [rad].
 const SAME_FACE: f64 = 1e-12;
 
-/// Where the axes of a shape lie in those of the user's file: `x_file = centre + axes · x_own`.
+/// Position of a shape's own axes in those of the user's file: `x_file = centre + axes · x_own`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Placement {
     /// The centre of mass [m].
     pub centre: Vec3,
-    /// Turns own axes, the principal ones, into the file's.
+    /// Rotation from the own axes, the principal ones, to those of the file.
     pub axes: Quat,
 }
 
-/// What a body of uniform density 1 weighs, and where.
+/// Mass properties of a body of uniform density 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Principal {
     /// Volume [m³].
@@ -44,24 +44,24 @@ pub struct Moments {
     pub(super) volume: f64,
     pub(super) first: Vec3,
     pub(super) second: Mat3,
-    /// Where `x` is measured from, near the body: far away all digits would cancel.
+    /// Origin of `x`, near the body: far away all digits would cancel.
     pub(super) origin: Vec3,
 }
 
 impl Moments {
-    /// Moments of nothing.
+    /// Moments of an empty body.
     pub(super) fn none(origin: Vec3) -> Self {
         Self { volume: 0.0, first: Vec3::zeros(), second: Mat3::zeros(), origin }
     }
 
-    /// Adds those of another body about the same origin, or takes them away.
+    /// Adds the moments of another body about the same origin, or subtracts them.
     pub(super) fn add(&mut self, other: &Self, sign: f64) {
         self.volume += other.volume * sign;
         self.first += other.first * sign;
         self.second += other.second * sign;
     }
 
-    /// Moments of the body in a closed surface of triangles, whose fronts face outwards.
+    /// Moments of the body inside a closed surface of triangles whose fronts face outwards.
     pub fn of_surface(triangles: &[[Vec3; 3]]) -> Self {
         let corners = triangles.as_flattened();
         let origin = corners.iter().sum::<Vec3>() / corners.len() as f64;
@@ -72,12 +72,12 @@ impl Moments {
         sum
     }
 
-    /// [m³]
+    /// Volume [m³].
     pub const fn volume(&self) -> f64 {
         self.volume
     }
 
-    /// Moments of a cut polyhedron whose vertices are seen from the origin.
+    /// Moments of a cut polyhedron whose vertices are relative to the origin.
     pub(super) fn of_cut(body: &Clipped, origin: &Vec3) -> Self {
         let mut sum = Self::none(*origin);
         for face in body.faces() {
@@ -89,7 +89,7 @@ impl Moments {
         sum
     }
 
-    /// The tetrahedron from the origin to a triangle.
+    /// Adds the tetrahedron from the origin to a triangle.
     fn add_tetrahedron(&mut self, corners: &[Vec3; 3]) {
         let [a, b, c] = corners;
         let volume = a.dot(&b.cross(c)) / 6.0;
@@ -98,7 +98,7 @@ impl Moments {
         self.second += squares(corners) * (volume / 20.0);
     }
 
-    /// Of a polyhedron.
+    /// Moments of a polyhedron.
     pub fn of(hull: &Hull) -> Self {
         let vertices = hull.vertices();
         let origin = vertices.iter().sum::<Vec3>() / vertices.len() as f64;
@@ -109,16 +109,16 @@ impl Moments {
         sum
     }
 
-    /// Of a polyhedron with a sphere of this radius [m] rolled around it.
+    /// Moments of a polyhedron with a sphere of this radius [m] rolled around it.
     pub fn of_rounded(hull: &Hull, radius: f64) -> Self {
         let mut sum = Self::of(hull);
         let square = radius * radius;
         let r = [radius, square, square * radius, square * square, square * square * radius];
         let normal = |plane: u32| hull.planes()[plane as usize].normal;
         let corner = |k: u32| hull.vertices()[k as usize] - sum.origin;
-        // An edge comes once in each direction; face by direction finds the face across.
+        // An edge occurs once in each direction; the reverse direction gives the face across it.
         let mut sides = Vec::with_capacity(3 * hull.triangles().len());
-        // Any normal at each corner, from which its sector is cut into triangles.
+        // Any normal at each corner, from which its sector is divided into triangles.
         let mut pivots = vec![Vec3::zeros(); hull.vertices().len()];
         let mut pieces = Vec::new();
         for triangle in hull.triangles() {
@@ -149,8 +149,9 @@ impl Moments {
         sum
     }
 
-    /// Volume, centre of mass, principal axes and moments. Axes that are principal but for rounding are
-    /// left as they are; others are turned as little as Jacobi's method does.
+    /// Volume, centre of mass, principal axes and moments.
+    ///
+    /// Axes that are principal within rounding are kept. Others are rotated as little as Jacobi's method does.
     pub fn principal(&self) -> Principal {
         let centre = self.first / self.volume;
         let (axes, squares) = eigen(self.second / self.volume - centre * centre.transpose());
@@ -163,8 +164,9 @@ impl Moments {
     }
 }
 
-/// `(a + b + c)(a + b + c)ᵀ + a aᵀ + b bᵀ + c cᵀ`: 20 times the mean of `x xᵀ` over a tetrahedron with its
-/// fourth corner at the origin, 12 times that over the triangle.
+/// `(a + b + c)(a + b + c)ᵀ + a aᵀ + b bᵀ + c cᵀ`.
+///
+/// It is 20 times the mean of `x xᵀ` over a tetrahedron with its fourth corner at the origin, and 12 times that over the triangle.
 fn squares(corners: &[Vec3; 3]) -> Mat3 {
     let [a, b, c] = corners;
     let sum = a + b + c;
@@ -179,7 +181,7 @@ fn mixed(a: &Vec3, b: &Vec3) -> Mat3 {
 /// Integrals of `1`, `x`, `x xᵀ` over a piece.
 type Piece = (f64, Vec3, Mat3);
 
-/// On a triangle, of height `r` along its normal.
+/// Integrals over a prism of height `r` on a triangle, along its normal.
 fn prism(corners: [Vec3; 3], normal: &Vec3, r: &[f64; 5]) -> Piece {
     let [a, b, c] = corners;
     let area = 0.5 * (b - a).cross(&(c - a)).norm();
@@ -191,11 +193,11 @@ fn prism(corners: [Vec3; 3], normal: &Vec3, r: &[f64; 5]) -> Piece {
     (area * r[0], first, second)
 }
 
-/// Unit vectors from one face's normal to the next's.
+/// Unit vectors from the normal of one face to that of the next.
 struct Arc {
     start: Vec3,
     end: Vec3,
-    /// Unit vector about which the one turns into the other.
+    /// Unit vector about which the start rotates into the end.
     axis: Vec3,
     angle: f64,
     sine: f64,
@@ -203,7 +205,7 @@ struct Arc {
 }
 
 impl Arc {
-    /// `None` between normals of one face.
+    /// The arc between two normals; `None` if they belong to one face.
     fn between(start: &Vec3, end: &Vec3) -> Option<Self> {
         let across = start.cross(end);
         let (sine, cosine) = (across.norm(), start.dot(end));
@@ -223,7 +225,7 @@ impl Arc {
         (self.end - self.start).cross(&self.axis)
     }
 
-    /// The wedge of a cylinder along the edge from `p` to `q`.
+    /// Integrals over the wedge of a cylinder along the edge from `p` to `q`.
     fn wedge(&self, p: &Vec3, q: &Vec3, r: &[f64; 5]) -> Piece {
         let along = q - p;
         let length = along.norm();
@@ -241,8 +243,10 @@ impl Arc {
         (length * area, first * length, second * length)
     }
 
-    /// This arc's share of the sector of a sphere at a corner: of the spherical polygon's area, the triangle
-    /// that the arc makes with `pivot`; of the other integrals, the term of this side of the polygon.
+    /// Share of this arc in the sector of a sphere at a corner.
+    ///
+    /// For the area of the spherical polygon, it is the triangle of the arc and `pivot`; for the other integrals, the term of this side of the
+    /// polygon.
     fn sector(&self, corner: &Vec3, pivot: &Vec3, r: &[f64; 5]) -> Piece {
         // Van Oosterom and Strackee 1983, DOI 10.1109/TBME.1983.325207.
         let triple = pivot.dot(&self.start.cross(&self.end));
@@ -259,12 +263,13 @@ impl Arc {
     }
 }
 
-/// Eigenvectors (columns, a rotation) and eigenvalues of a symmetric matrix by Jacobi's method, which
-/// keeps the vectors near the axes (Golub and Van Loan 2013, *Matrix Computations*, section 8.5).
+/// Eigenvectors (columns, a rotation) and eigenvalues of a symmetric matrix by Jacobi's method.
+///
+/// The method keeps the vectors near the axes (Golub and Van Loan 2013, *Matrix Computations*, section 8.5).
 fn eigen(mut m: Mat3) -> (Mat3, Vec3) {
     let mut vectors = Mat3::identity();
     let small = ALIGNED * m.trace();
-    // Convergence is quadratic; a handful of sweeps will do.
+    // Convergence is quadratic, so a handful of sweeps is enough.
     for _ in 0..20 {
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
             if m[(p, q)].abs() <= small {

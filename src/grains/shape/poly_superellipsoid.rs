@@ -1,9 +1,8 @@
-//! The poly-superellipsoid: eight octants of superellipsoids with different semi-axes and the same exponents.
+//! Poly-superellipsoid: eight octants of superellipsoids with different semi-axes and the same exponents.
 //!
-//! Zhao and Zhao (2019), DOI 10.1002/nag.2951. Neighbouring octants share the semi-axes between them, so that
-//! the surface is closed, convex and has a continuous normal. In general its centre of mass is not where the
-//! octants meet, and its principal axes of inertia are not theirs: the shape's own frame, like that of every shape,
-//! is the principal one about the centre of mass.
+//! Zhao and Zhao (2019), DOI 10.1002/nag.2951. Neighbouring octants share the semi-axes between them, so the surface is closed and convex and
+//! has a continuous normal. In general its centre of mass is not where the octants meet, and its principal axes of inertia are not theirs.
+//! The shape's own frame, as for every shape, is the principal one about the centre of mass.
 
 use super::superellipsoid::Exponents;
 use super::{Convex, CurvedSupport};
@@ -16,9 +15,9 @@ pub struct PolySuperellipsoid {
     positive: Vec3,
     negative: Vec3,
     exponents: Exponents,
-    /// The centre of mass, seen from where the octants meet, along the octants' axes [m].
+    /// Centre of mass relative to the point where the octants meet, along the octants' axes [m].
     centre: Vec3,
-    /// Columns are the principal axes, along the octants' axes.
+    /// Principal axes as columns, along the octants' axes.
     axes: Mat3,
     volume: f64,
     gyration: Vec3,
@@ -29,11 +28,10 @@ pub struct PolySuperellipsoid {
 }
 
 impl PolySuperellipsoid {
-    /// With these semi-axes towards positive and negative x, y, z [m] and exponents e₁ (of sections along z)
-    /// and e₂ (of sections across z).
+    /// A body with these semi-axes towards positive and negative x, y, z [m] and exponents e₁ (of sections along z) and e₂ (of sections across z).
     ///
     /// # Panics
-    /// If an exponent is not in (0, 2], where the body is convex: a caller's bug, the scene was checked.
+    /// If an exponent is not in (0, 2], where the body is convex. Scenes are checked before.
     pub fn new(positive: Vec3, negative: Vec3, exponents: [f64; 2]) -> Self {
         let exponents = Exponents::new(exponents);
         let mass = Moments::of(&positive, &negative, exponents);
@@ -61,40 +59,39 @@ impl PolySuperellipsoid {
         shape
     }
 
-    /// Semi-axes towards positive and towards negative x, y, z of the octants [m].
+    /// Semi-axes of the octants towards positive and towards negative x, y, z [m].
     pub const fn semi_axes(&self) -> [Vec3; 2] {
         [self.positive, self.negative]
     }
 
-    /// The exponents e₁ and e₂.
+    /// Exponents e₁ and e₂.
     pub const fn exponents(&self) -> [f64; 2] {
         [self.exponents.along, self.exponents.across]
     }
 
-    /// The centre of mass, seen from where the octants meet, along the octants' axes [m].
+    /// Centre of mass relative to the point where the octants meet, along the octants' axes [m].
     pub const fn centre(&self) -> Vec3 {
         self.centre
     }
 
-    /// Columns are the principal axes of inertia, along the octants' axes: the rotation from the shape's own
-    /// frame to that of the octants.
+    /// Principal axes of inertia as columns, along the octants' axes: the rotation from the shape's own frame to that of the octants.
     pub const fn axes(&self) -> Mat3 {
         self.axes
     }
 
-    /// The semi-axes on the side of a direction or point, along the octants' axes [m].
+    /// Semi-axes on the side of a direction or point, along the octants' axes [m].
     #[inline]
     fn around(&self, side: &Vec3) -> Vec3 {
         side.zip_zip_map(&self.positive, &self.negative, |x, p, n| if x < 0.0 { n } else { p })
     }
 
-    /// From the octants' frame to the shape's own.
+    /// A point in the shape's own frame, from the octants' frame.
     #[inline]
     fn inwards(&self, point: &Vec3) -> Vec3 {
         self.axes.tr_mul(&(point - self.centre))
     }
 
-    /// The same of a support point.
+    /// A support point in the shape's own frame, from the octants' frame.
     #[inline]
     fn of_octant(&self, octant: CurvedSupport) -> CurvedSupport {
         CurvedSupport {
@@ -104,7 +101,7 @@ impl PolySuperellipsoid {
         }
     }
 
-    /// [`Convex::curved_support`] of two bodies, together.
+    /// [`Convex::curved_support`] of two bodies at once.
     #[inline]
     pub(super) fn curved_supports(
         [a, b]: [&Self; 2],
@@ -117,11 +114,11 @@ impl PolySuperellipsoid {
         [on_a.map(|s| a.of_octant(s)), on_b.map(|s| b.of_octant(s))]
     }
 
-    /// Bounding and inscribed radius. With directions no farther than θ from any other, the
-    /// support value of the nearest to the farthest point is at least cos θ of its distance; and the
-    /// support value at an angle θ is at least `h cos θ - t sin θ`, with t the distance of the support point
-    /// from the direction's line. Where that is far below the least support value met, as for flat bodies,
-    /// directions are taken closer to each other.
+    /// Bounding and inscribed radius, from samples of directions.
+    ///
+    /// If no direction is farther than θ from a sample, the support value of the sample nearest to the farthest point is at least cos θ of its
+    /// distance. The support value at an angle θ from a sample is at least `h cos θ - t sin θ`, with t the distance of the support point from the
+    /// direction's line. Where that is far below the least support value found, as for flat bodies, directions are sampled more densely.
     fn radii(&self) -> (f64, f64) {
         // Directions through the middles of N x N squares on the faces of a cube: θ is at most √2 / N.
         const N: u32 = 32;
@@ -178,7 +175,7 @@ impl Convex for PolySuperellipsoid {
         self.inwards(&self.exponents.support(&self.around(&along), &along).point)
     }
 
-    /// `None` with an exponent below 0.1 or above 1.99: the surface has edges, or what is as good as an edge.
+    /// Returns `None` for an exponent below 0.1 or above 1.99: the surface then has edges, or is as sharp as an edge.
     #[inline]
     fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
         let along = self.axes * direction;
@@ -198,17 +195,17 @@ impl Convex for PolySuperellipsoid {
             .map(|normal| self.axes.tr_mul(&normal))
     }
 
-    /// At most 1.001 times the smallest.
+    /// At most 1.001 times the smallest bounding radius.
     fn bounding_radius(&self) -> f64 {
         self.bounding_radius
     }
 
-    /// At most a twentieth smaller than the largest, down to a ten thousandth of the size.
+    /// At most a twentieth less than the largest inscribed radius, down to a ten thousandth of the size.
     fn inscribed_radius(&self) -> f64 {
         self.inscribed_radius
     }
 
-    /// From a sample, 10 % of it taken off. Zero if an exponent is above 1: the surface then has crests.
+    /// Sampled, and reduced by 10 %. Zero if an exponent is above 1, because the surface then has crests.
     fn smallest_curvature_radius(&self) -> f64 {
         self.smallest_curvature_radius
     }
@@ -246,7 +243,7 @@ fn smallest_curvature_radius_of_octants(
     least
 }
 
-/// Volume, centre of mass and inertia over mass about it, all along the octants' axes.
+/// Volume, centre of mass and inertia over mass about it, along the octants' axes.
 struct Moments {
     volume: f64,
     centre: Vec3,
@@ -254,8 +251,10 @@ struct Moments {
 }
 
 impl Moments {
-    /// The integral of `x^i y^j z^k` over an octant is that over the unit octant times
-    /// `a^(i+1) b^(j+1) c^(k+1)`: summed over octants, a product of sums over the two sides of each axis.
+    /// Moments of all octants.
+    ///
+    /// The integral of `x^i y^j z^k` over an octant is that over the unit octant times `a^(i+1) b^(j+1) c^(k+1)`. The sum over octants is a product of
+    /// sums over the two sides of each axis.
     fn of(positive: &Vec3, negative: &Vec3, exponents: Exponents) -> Self {
         let sides = |axis: usize, power: u32| {
             let (p, n) = (positive[axis], negative[axis]);
@@ -280,8 +279,9 @@ impl Moments {
     }
 }
 
-/// The eigenvectors of a symmetric matrix, as columns of a rotation, and its eigenvalues: Jacobi's method, whose
-/// `+ - * / √` give the same bits everywhere, and which leaves alone what is diagonal.
+/// Eigenvectors (columns of a rotation) and eigenvalues of a symmetric matrix by Jacobi's method.
+///
+/// The method uses only `+ - * / √`, which give the same bits everywhere, and does not change a diagonal matrix.
 fn principal(matrix: &Mat3) -> (Mat3, Vec3) {
     const SWEEPS: u32 = 10;
     let (mut m, mut axes) = (*matrix, Mat3::identity());

@@ -1,7 +1,7 @@
-//! The convex polyhedron, from its corners.
+//! Convex polyhedron, from its corners.
 //!
-//! Given in any axes, it is moved to its centre of mass and turned into its principal axes, in which a
-//! grain moves; [`Polyhedron::placement`] gives these in the axes of the file.
+//! The corners may be given in any axes. The body is moved to its centre of mass and rotated into its principal axes, in which a particle
+//! moves. [`Polyhedron::placement`] gives these in the axes of the file.
 
 use super::facets::{Facets, Plane};
 use super::hull::{Hull, HullError, size};
@@ -10,8 +10,7 @@ use super::{Convex, Core};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// A point deeper inside the hull of the others than this part of the size is a mistake; a shallower one
-/// is a point on a face, and left out.
+/// Depth inside the hull of the others, over the size, beyond which a point is an error. A shallower one is on a face, and left out.
 const INSIDE: f64 = 1e-6;
 
 /// A convex polyhedron about its centre of mass, in its principal axes.
@@ -24,7 +23,7 @@ pub struct Polyhedron {
 }
 
 impl Polyhedron {
-    /// With corners at `points` [m], in any axes and order.
+    /// A polyhedron with corners at `points` [m], in any axes and order.
     ///
     /// # Errors
     /// If the points are too few, the same, in one plane, not finite, or if one of them is inside.
@@ -46,12 +45,12 @@ impl Polyhedron {
         Self { hull, volume, gyration, placement }
     }
 
-    /// Its surface.
+    /// Surface.
     pub const fn hull(&self) -> &Hull {
         &self.hull
     }
 
-    /// Where the centre of mass and the principal axes lie in the axes in which the corners were given.
+    /// Centre of mass and principal axes in the axes in which the corners were given.
     pub const fn placement(&self) -> &Placement {
         &self.placement
     }
@@ -102,7 +101,7 @@ impl Convex for Polyhedron {
     }
 }
 
-/// The hull of points all of which are its corners, or at least on its surface.
+/// Hull of points that are all its corners, or at least on its surface.
 pub(super) fn convex(points: &[Vec3]) -> Result<Hull, HullError> {
     let hull = Hull::of(points)?;
     match deepest(&hull, points) {
@@ -111,13 +110,13 @@ pub(super) fn convex(points: &[Vec3]) -> Result<Hull, HullError> {
     }
 }
 
-/// Faces whose unit normals differ by less than this are one.
+/// Difference of unit normals below which two faces are one.
 const ONE_FACE: f64 = 1e-5;
 
-/// Refuses points within a face of their hull, as those of a body with a dent or a hole are. On an edge a point may be.
+/// Checks that no point is within a face of the hull, as for a body with a dent or a hole. A point may be on an edge.
 ///
 /// # Errors
-/// The first of them, or that there is no hull.
+/// For the first such point, or if there is no hull.
 pub fn corners_only(points: &[Vec3]) -> Result<(), HullError> {
     let hull = Hull::of(points)?;
     let rounding = INSIDE * size(points);
@@ -131,7 +130,7 @@ pub fn corners_only(points: &[Vec3]) -> Result<(), HullError> {
     points.iter().position(is_within).map_or(Ok(()), |index| Err(HullError::WithinFace { index }))
 }
 
-/// The point farthest below the surface, and how far [m].
+/// The point farthest below the surface, and its depth [m].
 pub(super) fn deepest(hull: &Hull, points: &[Vec3]) -> (usize, f64) {
     let depths = points.iter().map(|point| hull.depth(point)).enumerate();
     depths.fold((0, f64::NEG_INFINITY), |best, item| if item.1 > best.1 { item } else { best })

@@ -1,27 +1,26 @@
 //! Powers with the same bits on every machine.
 //!
-//! `f64::powf` calls whatever mathematics library a machine has, and libraries round differently. This one
-//! uses `+ - * /` and the bits of a number alone, has no branch and no table, and costs a fraction of a
-//! correctly rounded power: the powers of a superellipsoid are factors of lengths, so that the error that
-//! counts is that relative to 1, not to the power itself.
+//! `f64::powf` calls the mathematics library of the machine, and libraries round differently. This function uses `+ - * /` and the bits of a
+//! number alone, and has no branch and no table. It costs a fraction of a correctly rounded power. The powers of a superellipsoid are factors
+//! of lengths, so the relevant error is relative to 1, not to the power itself.
 //!
-//! Two powers at once take hardly longer than one: they share vector registers, which every processor has, and
-//! one by one each operation would wait for the one before. No closures: they would not all be inlined.
+//! Two powers at once take hardly longer than one. They share vector registers, which every processor has; separately, each operation would
+//! wait for the previous one. Closures are not used, because not all of them would be inlined.
 
 #![expect(clippy::inline_always, reason = "a vector stays in registers only if nothing is called")]
 
 use std::ops::{Add, Div, Mul, Sub};
 
-/// From here on, a number is the mantissa of the next power of two: `√½`, rounded.
+/// Smallest mantissa: `√½`, rounded. A lower one belongs to the next lower power of two.
 const FIRST_MANTISSA: u64 = 0x3fe6_a09e_667f_3bcd;
-/// Adding and subtracting it rounds to whole numbers: 1.5 · 2⁵².
+/// Adding and subtracting this number rounds to whole numbers: 1.5 · 2⁵².
 const ROUNDER: f64 = 6_755_399_441_055_744.0;
 /// 2⁵²: the lowest bits of its sum with a whole number are that number.
 const WHOLE: f64 = 4_503_599_627_370_496.0;
-/// Added to exponents, so that none is negative.
+/// Offset of exponents that makes them positive.
 const RAISED: u64 = 1024;
 
-/// Numbers that are computed alike, each by itself: the bits do not depend on how many there are.
+/// Numbers that are computed alike, each by itself: their number does not change the bits.
 #[derive(Clone, Copy)]
 pub(super) struct Lanes<const N: usize>(pub(super) [f64; N]);
 
@@ -46,13 +45,13 @@ lanewise!(Mul, mul, *=);
 lanewise!(Div, div, /=);
 
 impl<const N: usize> Lanes<N> {
-    /// The same number in every lane.
+    /// The given number in every lane.
     #[inline(always)]
     pub(super) const fn all(number: f64) -> Self {
         Self([number; N])
     }
 
-    /// Each where `x` is at most `y`, else that of `other`.
+    /// This value in lanes where `x` is at most `y`, that of `other` elsewhere.
     #[inline(always)]
     pub(super) fn where_at_most(mut self, x: Self, y: Self, other: Self) -> Self {
         let sides = x.0.into_iter().zip(y.0);
@@ -63,8 +62,9 @@ impl<const N: usize> Lanes<N> {
     }
 }
 
-/// `base ^ exponent` for a normal `base` in (0, 2] and a result of at most 2. Zero if the result were below
-/// 2⁻¹⁰²², `base` is zero or `exponent` infinite.
+/// `base ^ exponent` for a normal `base` in (0, 2] and a result of at most 2.
+///
+/// It is zero if the result were below 2⁻¹⁰²², `base` is zero or `exponent` infinite.
 ///
 /// Relative error at most `2 (1 + |log₂ result|) 2⁻⁵³`: a unit in the last place near 1.
 #[inline(always)]
@@ -73,8 +73,9 @@ pub(super) fn pow<const N: usize>(base: Lanes<N>, exponent: Lanes<N>) -> Lanes<N
     exponential.where_at_most(Lanes::all(f64::MIN_POSITIVE), base, Lanes::all(0.0))
 }
 
-/// The binary logarithm of a normal positive number: `2 atanh((m - 1) / (m + 1)) / ln 2` of the mantissa m in
-/// √½..√2 by its series, and the exponent.
+/// Binary logarithm of a normal positive number: that of the mantissa, plus the exponent.
+///
+/// With the mantissa m in √½..√2 it is `2 atanh((m - 1) / (m + 1)) / ln 2`, by its series.
 #[inline(always)]
 fn log2<const N: usize>(x: Lanes<N>) -> Lanes<N> {
     const SCALE: f64 = 2.0 * std::f64::consts::LOG2_E;
@@ -88,7 +89,7 @@ fn log2<const N: usize>(x: Lanes<N>) -> Lanes<N> {
     let exponent = exponent - Lanes::all(WHOLE + RAISED as f64);
     let one = Lanes::all(1.0);
     let s = (mantissa - one) / (mantissa + one);
-    // s² is at most 0.0295: the first term left out is 2⁻⁵⁵ of the sum.
+    // s² is at most 0.0295, so the first omitted term is 2⁻⁵⁵ of the sum.
     let z = s * s;
     let z4 = (z * z) * (z * z);
     let low = polynomial(INVERSE_ODD, z);
@@ -104,7 +105,7 @@ fn exp2<const N: usize>(x: Lanes<N>) -> Lanes<N> {
     let rounder = Lanes::all(ROUNDER);
     let shifted = x + rounder;
     let f = (x - (shifted - rounder)) * Lanes::all(std::f64::consts::LN_2);
-    // |f| is at most 0.347: the first term left out is 2⁻⁶⁸.
+    // |f| is at most 0.347, so the first omitted term is 2⁻⁶⁸.
     let ff = f * f;
     let odd = f * polynomial(INVERSE_ODD_FACTORIALS, ff);
     let even = ff * polynomial(INVERSE_EVEN_FACTORIALS, ff);
@@ -142,7 +143,7 @@ const INVERSE_ODD_FACTORIALS: [f64; 8] = [
     1.0 / 1_307_674_368_000.0,
 ];
 
-/// The polynomial with these coefficients, lowest first, in Estrin's order: the shortest chain of operations.
+/// Polynomial with these coefficients, lowest first, in Estrin's order, which is the shortest chain of operations.
 #[inline(always)]
 fn polynomial<const N: usize>(coefficients: [f64; 8], x: Lanes<N>) -> Lanes<N> {
     let c = coefficients.map(Lanes::all);
@@ -156,7 +157,7 @@ fn polynomial<const N: usize>(coefficients: [f64; 8], x: Lanes<N>) -> Lanes<N> {
 mod tests {
     use super::Lanes;
 
-    /// The power, which is the same beside any other.
+    /// The power, checked to be the same next to any other.
     fn pow(base: f64, exponent: f64) -> f64 {
         let [alone] = super::pow(Lanes([base]), Lanes([exponent])).0;
         let [beside, _] = super::pow(Lanes([base, 0.7]), Lanes([exponent, 1.3])).0;
@@ -164,8 +165,7 @@ mod tests {
         alone
     }
 
-    /// Against the `libm` crate, good to a unit in the last place, and bit for bit against itself: the
-    /// sum of all results as this code gave it when it was written.
+    /// Comparison with the `libm` crate, to a unit in the last place, and bit for bit with a stored hash of all results.
     #[test]
     fn powers() {
         let mut hash: u64 = 0;
@@ -194,7 +194,7 @@ mod tests {
     fn limits() {
         assert_eq!(pow(0.0, 0.5), 0.0);
         assert_eq!(pow(1.0, 1e300), 1.0);
-        // The edges of an octahedron: a superellipsoid's exponent of 2.
+        // Edges of an octahedron: a superellipsoid's exponent of 2.
         assert_eq!([pow(0.0, f64::INFINITY), pow(1.0, f64::INFINITY)], [0.0; 2]);
         assert_eq!(pow(0.5, 2000.0), 0.0, "below the normal numbers");
         assert_eq!(pow(0.5, 3.0), 0.125);

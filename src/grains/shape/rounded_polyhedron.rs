@@ -1,11 +1,10 @@
-//! The rounded polyhedron: all points within a radius of a convex polyhedron, its core.
+//! Rounded polyhedron: all points within a radius of a convex polyhedron, its core.
 //!
-//! Between the cores of two of them lies a gap as wide as both radii less the overlap, so that a contact is
-//! exact for the price of a distance. Choose it for grains with worn edges; sharp ones need dearer methods,
-//! and a small radius spares them.
+//! The gap between the cores of two of them is the sum of both radii less the overlap. An exact contact thus costs no more than a distance. It
+//! suits particles with worn edges; sharp ones need more expensive methods, which a small radius avoids.
 //!
-//! In contacts of faces a polyhedron stands for it ([`RoundedPolyhedron::chamfered`]): its faces, and one chamfer for each edge
-//! and corner, all tangent to the rounded surface.
+//! In contacts of faces it is represented by a polyhedron ([`RoundedPolyhedron::chamfered`]): its faces, and one chamfer for each edge and
+//! corner, all tangent to the rounded surface.
 
 use super::clip::inside;
 use super::facets::{Facets, Plane};
@@ -16,12 +15,12 @@ use super::{Convex, Core};
 use crate::math::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// Normals of one face, but for rounding: the sine of the angle between them.
+/// Sine of the angle below which two normals belong to one face within rounding.
 const SAME_FACE: f64 = 1e-12;
-/// The chamfered body lies in a cube with this half edge, over the bounding radius of the rounded one.
+/// Half edge of a cube that contains the chamfered body, over the bounding radius of the rounded one.
 const ROOM: f64 = 16.0;
 
-/// What is written of a rounded polyhedron; all else follows.
+/// Serialised data of a rounded polyhedron, from which all other data follow.
 #[derive(Serialize, Deserialize)]
 struct Written {
     core: Hull,
@@ -33,7 +32,7 @@ struct Written {
 
 impl From<Written> for RoundedPolyhedron {
     fn from(Written { core, radius, volume, gyration, placement }: Written) -> Self {
-        // Those of the core only stand in for numbers that a body refuses.
+        // Facets of the core, for values that `RoundedPolyhedron::new` rejects.
         let chamfered = chamfered(&core, radius).unwrap_or_else(|| core.facets().clone());
         let distance = |vertex: &Vec3| core.distance(vertex);
         let farthest = chamfered.vertices().iter().map(distance).fold(radius, f64::max);
@@ -66,7 +65,7 @@ impl RoundedPolyhedron {
     /// All points within `radius` [m] of the polyhedron with corners at `points` [m], in any axes and order.
     ///
     /// # Errors
-    /// As [`super::Polyhedron::new`], or if the radius leaves the range of numbers.
+    /// See [`super::Polyhedron::new`]; also if the radius is outside the range of computations.
     pub fn new(points: &[Vec3], radius: f64) -> Result<Self, HullError> {
         let core = convex(points)?;
         if chamfered(&core, radius).is_none() {
@@ -78,13 +77,14 @@ impl RoundedPolyhedron {
         Ok(Written { core, radius, volume, gyration, placement }.into())
     }
 
-    /// The polyhedron that stands for it in contacts of faces. It holds the rounded body: at a chamfered edge whose faces meet
-    /// at right angles it extends 8 % of the radius beyond.
+    /// Polyhedron that represents the body in contacts of faces.
+    ///
+    /// It contains the rounded body. At a chamfered edge whose faces meet at right angles it extends 8 % of the radius beyond it.
     pub const fn chamfered(&self) -> &Facets {
         &self.chamfered
     }
 
-    /// The polyhedron inside, about the centre of mass of the whole.
+    /// Polyhedron inside, about the centre of mass of the whole.
     pub const fn core(&self) -> &Hull {
         &self.core
     }
@@ -94,7 +94,7 @@ impl RoundedPolyhedron {
         self.radius
     }
 
-    /// Where the centre of mass and the principal axes lie in the axes in which the corners were given.
+    /// Centre of mass and principal axes in the axes in which the corners were given.
     pub const fn placement(&self) -> &Placement {
         &self.placement
     }
@@ -163,8 +163,7 @@ impl Convex for RoundedPolyhedron {
     }
 }
 
-/// Faces moved out by a radius, and a chamfer across each edge and corner.
-/// `None` if numbers do not reach.
+/// Faces moved outwards by a radius, and a chamfer across each edge and corner; `None` if the values leave the range of computations.
 fn chamfered(core: &Hull, radius: f64) -> Option<Facets> {
     let vertex = |k: u32| core.vertices()[k as usize];
     let normal = |plane: u32| core.planes()[plane as usize].normal;

@@ -1,4 +1,4 @@
-//! The sphere: the shape with closed forms for everything.
+//! Sphere: the shape with closed forms for everything.
 
 use super::{Convex, CurvedSupport, Ellipsoid, Form};
 use crate::math::{Mat3, Vec3};

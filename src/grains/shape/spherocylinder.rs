@@ -1,4 +1,4 @@
-//! The spherocylinder: all points within a radius of a segment.
+//! Spherocylinder: all points within a radius of a segment.
 
 use super::{Convex, Core};
 use crate::math::Vec3;
@@ -43,7 +43,7 @@ impl Convex for Spherocylinder {
         self.cylinder() + self.sphere()
     }
 
-    /// That of a cylinder and two hemispheres, whose centres of mass are `3/8 r` outside the ends of the axis.
+    /// Sum for a cylinder and two hemispheres, whose centres of mass are `3/8 r` outside the ends of the axis.
     fn gyration(&self) -> Vec3 {
         let (l, r) = (self.length, self.radius);
         let (cylinder, sphere) = (self.cylinder(), self.sphere());

@@ -1,12 +1,11 @@
-//! The superellipsoid `(|x/a|^(2/e₂) + |y/b|^(2/e₂))^(e₂/e₁) + |z/c|^(2/e₁) = 1`.
+//! Superellipsoid `(|x/a|^(2/e₂) + |y/b|^(2/e₂))^(e₂/e₁) + |z/c|^(2/e₁) = 1`.
 //!
-//! Barr (1981), DOI 10.1109/MCG.1981.1673799. Boxes and cylinders with round edges for exponents towards 0, an
-//! ellipsoid at 1, octahedra and double cones towards 2.
+//! Barr (1981), DOI 10.1109/MCG.1981.1673799. Exponents towards 0 give boxes and cylinders with round edges, 1 gives an ellipsoid, and
+//! exponents towards 2 give octahedra and double cones.
 //!
-//! The body is the unit ball of two nested p-norms, stretched. Its support function is therefore the
-//! dual norm, stretched, and everything that contact resolution needs is closed: the support point
-//! is the dual norm's gradient, and so is the surface normal at a point with the norm itself. The second
-//! derivatives need no power that the first do not.
+//! The body is the unit ball of two nested p-norms, stretched. Its support function is therefore the dual norm, stretched, and contact
+//! resolution has closed forms. The support point is the gradient of the dual norm, and the surface normal at a point is that of the norm
+//! itself. The second derivatives need no other powers than the first.
 
 #![expect(clippy::inline_always, reason = "a vector stays in registers only if nothing is called")]
 
@@ -27,17 +26,18 @@ pub struct Superellipsoid {
 }
 
 impl Superellipsoid {
-    /// The exponents of grains. Within, collisions without any loss keep their energy to 5e-4 at a tenth of the stable step, in
-    /// the rarest case to 4e-3, and better with the square of the step. Beyond, some change it by a tenth to its double at any
-    /// step: faces are flat to rounding, and edges sharp beside the overlap. The figures of all pairs stand in
-    /// `benchmarks/verification/cases/steps.rs`. A polyhedron is exact. What rocks on the flat sides of blunt ones is warned
-    /// of, see [`crate::law::stability::lost_levers`].
+    /// Range of exponents for particles.
+    ///
+    /// Within it, lossless collisions conserve energy to 5e-4 at a tenth of the stable step (4e-3 in the rarest case), and better with the square
+    /// of the step. Outside it, some collisions change the energy by a tenth to its double at any step: faces are flat to rounding, and edges sharp
+    /// beside the overlap. `benchmarks/verification/cases/steps.rs` has the values of all pairs. A polyhedron is exact. A warning is given for bodies
+    /// that rock on the flat sides of blunt shapes, see [`crate::law::stability::lost_levers`].
     pub const EXPONENTS: RangeInclusive<f64> = 0.1..=1.8;
 
-    /// With these semi-axes [m] and exponents e₁ (of sections along z) and e₂ (of sections across z).
+    /// A body with these semi-axes [m] and exponents e₁ (of sections along z) and e₂ (of sections across z).
     ///
     /// # Panics
-    /// If an exponent is not in (0, 2], where the body is convex: a caller's bug, the scene was checked.
+    /// If an exponent is not in (0, 2], where the body is convex. Scenes are checked before.
     pub fn new(semi_axes: Vec3, exponents: [f64; 2]) -> Self {
         let exponents = Exponents::new(exponents);
         let (bounding_radius, inscribed_radius) = exponents.radii(&semi_axes);
@@ -54,12 +54,12 @@ impl Superellipsoid {
         self.semi_axes
     }
 
-    /// The exponents e₁ and e₂.
+    /// Exponents e₁ and e₂.
     pub const fn exponents(&self) -> [f64; 2] {
         [self.exponents.along, self.exponents.across]
     }
 
-    /// [`Convex::curved_support`] of two bodies that are no ellipsoids, together.
+    /// [`Convex::curved_support`] of two bodies that are not ellipsoids, at once.
     #[inline]
     pub(super) fn curved_supports(
         bodies: [&Self; 2],
@@ -69,7 +69,7 @@ impl Superellipsoid {
         Exponents::curved_supports(exponents, axes, directions)
     }
 
-    /// The ellipsoid that it is if both exponents are 1.
+    /// The equal ellipsoid if both exponents are 1.
     pub fn as_ellipsoid(&self) -> Option<Ellipsoid> {
         self.exponents.are_one().then_some(Ellipsoid { semi_axes: self.semi_axes })
     }
@@ -84,7 +84,7 @@ impl Convex for Superellipsoid {
         }
     }
 
-    /// `None` with an exponent below 0.1 or above 1.99: the surface has edges, or what is as good as an edge.
+    /// Returns `None` for an exponent below 0.1 or above 1.99: the surface then has edges, or is as sharp as an edge.
     #[inline]
     fn curved_support(&self, direction: &Vec3) -> Option<CurvedSupport> {
         match self.as_ellipsoid() {
@@ -93,7 +93,7 @@ impl Convex for Superellipsoid {
         }
     }
 
-    /// `None` where there is no use in it: the step is short, or the exponents are not below 1.
+    /// Returns `None` where this brings nothing: the step is short, or the exponents are not below 1.
     #[inline]
     fn follow(&self, here: &CurvedSupport, direction: &Vec3, step: &Vec3) -> Option<Vec3> {
         self.exponents.follow(|_| self.semi_axes, here, direction, step)
@@ -109,7 +109,7 @@ impl Convex for Superellipsoid {
         self.inscribed_radius
     }
 
-    /// A lower bound, but for a sample of which 10 % are taken off. Zero if an exponent is above 1: the surface then has crests.
+    /// A lower bound, except for sampling, for which it is reduced by 10 %. Zero if an exponent is above 1: the surface then has crests.
     fn smallest_curvature_radius(&self) -> f64 {
         self.smallest_curvature_radius
     }
@@ -136,21 +136,22 @@ impl Convex for Superellipsoid {
     }
 }
 
-/// A support point and the Hessian of the support function there, as two dyads:
-/// `Σ weight · along ⊗ along`, with both vectors across the direction. Its eigenvalues on the tangent
-/// plane are the surface's radii of curvature.
+/// A support point and the Hessian of the support function there.
+///
+/// The Hessian is given as two dyads, `Σ weight · along ⊗ along`, with both vectors across the direction. Its eigenvalues on the tangent plane
+/// are the surface's radii of curvature.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CurvedSupport {
-    /// The support point [m].
+    /// Support point [m].
     pub point: Vec3,
-    /// Factors of the dyads [1/m], never negative.
+    /// Weights of the dyads [1/m], never negative.
     pub weight: [f64; 2],
     /// Vectors of the dyads [m].
     pub along: [Vec3; 2],
 }
 
 impl CurvedSupport {
-    /// That of a superellipsoid, from `x`, the direction times the semi-axes, and the norms of its parts.
+    /// Curved support of a superellipsoid, from the norms of `x`, the direction times the semi-axes.
     #[inline]
     fn of(semi_axes: &Vec3, x: &Vec3, inner: &Norm, outer: &Norm) -> Self {
         let signed = Vec3::from_fn(|i, _| if x[i] < 0.0 { -semi_axes[i] } else { semi_axes[i] });
@@ -168,7 +169,7 @@ impl CurvedSupport {
         }
     }
 
-    /// The Hessian times a vector [m].
+    /// Product of the Hessian and a vector [m].
     #[inline]
     pub fn hessian_times(&self, v: &Vec3) -> Vec3 {
         let [p, q] = self.along;
@@ -185,27 +186,27 @@ impl CurvedSupport {
     }
 }
 
-/// The exponents of nested norms.
+/// Exponents of the nested norms.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Exponents {
-    /// e₁.
+    /// Exponent e₁.
     pub(super) along: f64,
-    /// e₂.
+    /// Exponent e₂.
     pub(super) across: f64,
 }
 
-/// Components of a direction smaller than this count as such in the Hessian, which is infinite
-/// across flat faces.
+/// Least component of a direction in the Hessian, which is infinite across flat faces.
 const FLATTEST: f64 = 1e-12;
-/// Outside this range of exponents, surfaces have as good as edges and faces: a direction in double precision no longer
-/// determines where on them its support point lies.
+/// Exponents of surfaces without edges and faces.
+///
+/// Outside this range a direction in double precision no longer determines the position of its support point.
 const ROUND: RangeInclusive<f64> = 0.1..=1.99;
-/// A change of a component of a direction, relative to it, over which a Hessian is no longer constant.
+/// Relative change of a component of a direction over which a Hessian is no longer constant.
 const BENT: f64 = 0.3;
 
 impl Exponents {
     /// # Panics
-    /// If one is not in (0, 2].
+    /// If an exponent is not in (0, 2].
     pub(super) fn new([along, across]: [f64; 2]) -> Self {
         let allowed = |e: f64| e > 0.0 && e <= 2.0;
         assert!(allowed(along) && allowed(across), "exponents {along}, {across} are not in (0, 2]");
@@ -216,24 +217,24 @@ impl Exponents {
         self.along == 1.0 && self.across == 1.0
     }
 
-    /// Without edges, or what is as good as an edge.
+    /// Whether the body has no edges, and is nowhere as sharp as an edge.
     fn is_round(self) -> bool {
         ROUND.contains(&self.along) && ROUND.contains(&self.across)
     }
 
-    /// Those of the dual norm's unit ball: with 2/e the norm's power, `2/e' = 1/(1 - e/2)`.
+    /// Exponents of the unit ball of the dual norm: with 2/e the norm's power, `2/e' = 1/(1 - e/2)`.
     fn dual(self) -> Self {
         Self { along: 2.0 - self.along, across: 2.0 - self.across }
     }
 
-    /// The support point of the body with these semi-axes, its curvature beside it.
+    /// Support point of the body with these semi-axes, and its curvature.
     #[inline]
     pub(super) fn support(self, semi_axes: &Vec3, direction: &Vec3) -> CurvedSupport {
         let [support] = Self::supports([self], [semi_axes], [direction]);
         support
     }
 
-    /// Those of several bodies, each along its own direction.
+    /// Support points of several bodies, each along its own direction.
     #[inline(always)]
     fn supports<const N: usize>(
         exponents: [Self; N],
@@ -258,7 +259,7 @@ impl Exponents {
         supports
     }
 
-    /// The same for a unit vector, with a Hessian that is finite; `None` if there are edges or as good as.
+    /// `Self::support` for a unit vector, with a finite Hessian; `None` for a body that is not round.
     #[inline]
     pub(super) fn curved_support(
         self,
@@ -281,7 +282,7 @@ impl Exponents {
         Some(CurvedSupport { point: here.point, ..beside })
     }
 
-    /// The same of two bodies, which takes little longer than one.
+    /// `Self::curved_support` of two bodies, which takes little longer than one.
     #[inline]
     pub(super) fn curved_supports(
         exponents: [Self; 2],
@@ -295,7 +296,7 @@ impl Exponents {
         [0, 1].map(|k| exponents[k].curved_support(semi_axes[k], directions[k]))
     }
 
-    /// See [`Convex::follow`]. `semi_axes` are those around a point.
+    /// See [`Convex::follow`]. `semi_axes` gives those around a point.
     #[inline]
     pub(super) fn follow(
         self,
@@ -319,15 +320,15 @@ impl Exponents {
         Some(self.normal_at(&semi_axes(&point), &point))
     }
 
-    /// Along the normal where the ray to `point` leaves the body with these semi-axes: the gradient of the
-    /// norm, which is the support point of the polar body.
+    /// Vector along the normal where the ray to `point` leaves the body with these semi-axes.
+    ///
+    /// It is the gradient of the norm, which is the support point of the polar body.
     #[inline]
     pub(super) fn normal_at(self, semi_axes: &Vec3, point: &Vec3) -> Vec3 {
         self.dual().support(&semi_axes.map(|a| 1.0 / a), point).point
     }
 
-    /// How many times farther out `point` is than the surface of the body with these semi-axes in its direction:
-    /// the norm whose unit ball the body is.
+    /// Norm whose unit ball is the body with these semi-axes: the distance of `point` over that of the surface in its direction.
     pub(super) fn norm(self, semi_axes: &Vec3, point: &Vec3) -> f64 {
         let x = point.component_div(semi_axes).abs();
         let dual = self.dual();
@@ -336,8 +337,9 @@ impl Exponents {
         outer.value
     }
 
-    /// Farthest and least distance of the surface from the centre [m]: the squared distance is linear in the
-    /// squared coordinates, so that both are found one norm after the other.
+    /// Farthest and least distance of the surface from the centre [m].
+    ///
+    /// The squared distance is linear in the squared coordinates, so both are found one norm after the other.
     pub(super) fn radii(self, semi_axes: &Vec3) -> (f64, f64) {
         let [x, y, z]: [f64; 3] = semi_axes.component_mul(semi_axes).into();
         let farthest = farthest_square(farthest_square(x, y, self.across), z, self.along);
@@ -345,8 +347,9 @@ impl Exponents {
         (farthest.sqrt(), nearest.sqrt())
     }
 
-    /// See [`Superellipsoid::smallest_curvature_radius`]: over one octant of a body that is not an ellipsoid. A sphere
-    /// that rolls in the body with semi-axes 1 becomes an ellipsoid, in which a smaller sphere rolls: a lower bound.
+    /// See [`Superellipsoid::smallest_curvature_radius`]: over one octant of a body that is not an ellipsoid.
+    ///
+    /// A sphere that rolls in the body with semi-axes 1 becomes an ellipsoid, in which a smaller sphere rolls. This gives a lower bound.
     pub(super) fn smallest_curvature_radius(self, semi_axes: &Vec3) -> f64 {
         const SAMPLES: u32 = 24;
         const SAFETY: f64 = 0.9;
@@ -367,11 +370,10 @@ impl Exponents {
         SAFETY * least * semi_axes.min() * (semi_axes.min() / semi_axes.max())
     }
 
-    /// The integral of `x^i y^j z^k` over an octant of the body with semi-axes 1.
+    /// Integral of `x^i y^j z^k` over an octant of the body with semi-axes 1.
     ///
-    /// Dirichlet's integrals, in Gamma functions: Jaklič, Leonardis and Solina (2000), *Segmentation and Recovery
-    /// of Superquadrics*, DOI 10.1007/978-94-015-9456-1, chapter 2. Written with `Γ(1 + x)` it has no
-    /// pole where the body becomes a box.
+    /// Dirichlet's integrals, in Gamma functions: Jaklič, Leonardis and Solina (2000), *Segmentation and Recovery of Superquadrics*,
+    /// DOI 10.1007/978-94-015-9456-1, chapter 2. Written with `Γ(1 + x)` they have no pole where the body becomes a box.
     pub(super) fn moment(self, powers: [u32; 3]) -> f64 {
         let [i, j, k] = powers.map(|power| f64::from(power) + 1.0);
         let gamma = |times: f64, e: f64| libm::tgamma(1.0 + times * (0.5 * e));
@@ -381,7 +383,7 @@ impl Exponents {
     }
 }
 
-/// The norm of two non-negative numbers with power `2 / (2 - e)`, and its derivatives.
+/// Norm of two non-negative numbers with power `2 / (2 - e)`, and its derivatives.
 #[derive(Clone, Copy, Default)]
 struct Norm {
     value: f64,
@@ -392,7 +394,7 @@ struct Norm {
 }
 
 impl Norm {
-    /// The norms of several pairs.
+    /// Norms of several pairs.
     #[inline(always)]
     fn of<const N: usize>(x: [f64; N], y: [f64; N], e: [f64; N]) -> [Self; N] {
         let mut norms = [Self::default(); N];
@@ -446,19 +448,19 @@ impl Norm {
     }
 }
 
-/// The largest `x² + y²` where the norm of `x / a` and `y / b` with power 2/e is 1, from `a²` and `b²`.
+/// Largest `x² + y²` where the norm of `x / a` and `y / b` with power 2/e is 1, from `a²` and `b²`.
 fn farthest_square(a: f64, b: f64, e: f64) -> f64 {
     let (large, small) = if a < b { (b, a) } else { (a, b) };
     if e < 1.0 { large * between_axes(small / large, e) } else { large }
 }
 
-/// The smallest.
+/// Smallest `x² + y²` on the same curve.
 fn nearest_square(a: f64, b: f64, e: f64) -> f64 {
     let (large, small) = if a < b { (b, a) } else { (a, b) };
     if e > 1.0 { small * between_axes(small / large, e) } else { small }
 }
 
-/// The extreme that `ξ^e + ratio (1 - ξ)^e` has between its ends, relative to the end that it exceeds.
+/// Extreme of `ξ^e + ratio (1 - ξ)^e` between its ends, relative to the end that it exceeds.
 fn between_axes(ratio: f64, e: f64) -> f64 {
     libm::pow(1.0 + libm::pow(ratio, 1.0 / (1.0 - e).abs()), 1.0 - e)
 }
@@ -469,7 +471,7 @@ mod tests {
     use crate::math::Vec3;
     use crate::shape::Convex;
 
-    /// Along curves that reach the rims of thin bodies, nothing is more curved than the bound says.
+    /// Along curves that reach the rims of thin bodies, no curvature exceeds the bound.
     #[test]
     fn no_place_is_more_curved_than_the_bound() {
         let flat = |thickness| Vec3::new(1.0, 1.0, thickness);

@@ -1,21 +1,22 @@
 //! The surface of a wall, from triangles.
 //!
-//! What a grain can touch are its *facets*, each once however the surface is cut into triangles:
+//! Particles touch its *facets*, each of which exists once however the surface is cut into triangles:
 //!
-//! | facet | what it is | directions in which it faces |
+//! | facet | definition | directions in which it faces |
 //! |---|---|---|
-//! | face | coplanar triangles that hang together | both normals |
+//! | face | connected coplanar triangles | both normals |
 //! | edge | a side of triangles that are not coplanar, or of one only | those between the normals of its faces, on the convex side |
-//! | corner | where edges meet | those at right angles or more to all edges from it |
+//! | corner | a point where edges meet | those at right angles or more to all edges from it |
 //!
-//! These directions are the Voronoi regions of the surface: a contact whose normal lies in none belongs to another facet. An edge
-//! that is concave on a side faces nowhere there. Whether triangles agree on what is in front does not matter.
+//! These directions are the Voronoi regions of the surface: a contact whose normal lies in none of a facet belongs to another one. An edge
+//! that is concave on a side faces nowhere there. The orientation of triangles has no influence.
 //!
-//! A cylinder or a cone has *strips*, and *rims* where it ends. A strip lies between two straight lines of the surface, and faces in all
-//! directions between the normals there. A rim is the arc at the end of a strip: an edge of one triangle that is bent. Both are exact: their
-//! triangles only say where to look, and are what pictures have.
+//! A cylinder or a cone has *strips*, and *rims* at its ends. A strip lies between two straight lines of the surface, and faces in all
+//! directions between the normals there. A rim is the arc at the end of a strip: a bent edge of one triangle. Both are exact: their triangles
+//! only serve the search and the pictures.
 //!
-//! Grains with a straight side ask for what its points see ([`TriangleMesh::stretches`]), on strips too. Grains with faces ask for what lies behind the triangles ([`TriangleMesh::with_cells`]) and have no contacts with edges and corners.
+//! For particles with a straight side, [`TriangleMesh::stretches`] gives the facets below the points of the side, on strips too. Particles
+//! with faces use the volume behind the triangles ([`TriangleMesh::with_cells`]) and have no contacts with edges and corners.
 //!
 //! Facets are numbered: first faces, then edges, then corners. They are found through a grid of cells in the axes of the wall.
 
@@ -43,11 +44,11 @@ use nearest::{comes_into, lie_in_each_other, nearest_on, nearest_on_segment};
 use serde::{Deserialize, Serialize};
 use solid::Solid;
 
-/// Points this near to a plane, a side or each other, over the size of the surface, lie in it or are one.
+/// Points this near to a plane, a side or each other count as in it or as one, over the size of the surface.
 const COPLANAR: f64 = 1e-11;
-/// What is found twice on a border is one contact, whatever the user says [rad].
+/// Least `smooth` angle [rad]: it merges contacts that are found twice on a border.
 const LEAST_SMOOTH: f64 = 1e-6;
-/// Parts of a cylinder or a cone.
+/// Number of strips of a cylinder or a cone.
 const STRIPS: u32 = 64;
 /// No facet.
 const NONE: u32 = u32::MAX;
@@ -55,64 +56,64 @@ const NONE: u32 = u32::MAX;
 /// A part of a cylinder or a cone, between two straight lines on it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Strip {
-    /// Where its axis begins [m].
+    /// Begin of its axis [m].
     pub from: Vec3,
     /// Unit vector along the axis.
     pub axis: Vec3,
     /// Length of the axis [m].
     pub length: f64,
-    /// Radius where the axis begins [m].
+    /// Radius at the begin of the axis [m].
     pub radius: f64,
-    /// How much the radius grows along the axis [-].
+    /// Growth of the radius along the axis [-].
     pub slope: f64,
     /// Unit vector across the axis, towards the first line.
     pub first: Vec3,
-    /// The direction a quarter turn on from that.
+    /// Direction a quarter turn on from `first`.
     pub quarter: Vec3,
     /// Angle from the first line to the last [rad].
     pub opening: f64,
-    /// Is it the first of its surface?
+    /// Whether it is the first strip of its surface.
     pub is_first: bool,
 }
 
-/// A place nearer to a face than this lies in it, over the radius of the grain.
+/// A place nearer to a face than this counts as in it, over the radius of the particle.
 pub const FLAT: f64 = 1e-5;
 
 /// The arc at an end of a [`Strip`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rim {
-    /// Where the surface is.
+    /// The strip.
     pub strip: Strip,
-    /// Its height on the axis of the strip [m].
+    /// Height on the axis of the strip [m].
     pub height: f64,
-    /// Along the axis, out of the surface: 1 or -1.
+    /// Direction along the axis out of the surface: 1 or -1.
     pub outwards: f64,
 }
 
-/// The line that touches a rim at an angle, and where an edge there faces.
+/// The tangent of a rim at an angle, with the directions in which an edge there faces.
 pub struct Tangent {
-    /// Where it touches [m].
+    /// Point of contact with the rim [m].
     pub at: Vec3,
-    /// Unit vector along it.
+    /// Unit vector along the tangent.
     pub along: Vec3,
-    /// The first direction in which it faces: the normal of the surface, away from the axis.
+    /// First direction in which it faces: the normal of the surface, away from the axis.
     pub first: Vec3,
-    /// The direction a quarter turn on from that: out of the surface, along it.
+    /// Direction a quarter turn on from `first`: out of the surface, along it.
     pub quarter: Vec3,
 }
 
 impl Rim {
-    /// The middle of its circle [m].
+    /// Centre of the circle [m].
     pub fn centre(&self) -> Vec3 {
         self.strip.from + self.strip.axis * self.height
     }
 
-    /// Of its circle [m].
+    /// Radius of the circle [m].
     pub fn radius(&self) -> f64 {
         self.strip.radius + self.strip.slope * self.height
     }
 
-    /// Its tangent at an angle from the first line of the strip [rad].
+    /// Tangent at an angle from the first line of the strip [rad].
     pub fn tangent(&self, angle: f64) -> Tangent {
         let Strip { axis, slope, first, quarter, .. } = self.strip;
         let steep = (1.0 + slope * slope).sqrt();
@@ -128,7 +129,7 @@ impl Rim {
 }
 
 impl Strip {
-    /// The normal away from the axis, where the surface is nearest to a point; on the axis none [-].
+    /// Normal away from the axis where the surface is nearest to a point [-]; zero on the axis.
     fn normal_at(&self, point: &Vec3) -> Vec3 {
         let way = point - self.from;
         let across = way - self.axis * way.dot(&self.axis);
@@ -136,7 +137,7 @@ impl Strip {
         (across - self.axis * self.slope) / (1.0 + self.slope * self.slope).sqrt()
     }
 
-    /// How far a point is from the surface of which it is a part, as if that went on [m].
+    /// Distance of a point from the surface of the strip, continued beyond its borders [m].
     pub fn distance(&self, point: &Vec3) -> f64 {
         let way = point - self.from;
         let along = way.dot(&self.axis);
@@ -152,31 +153,31 @@ struct Triangle {
     facets: [u32; 4],
 }
 
-/// What was found of the triangles of a file.
+/// Defects and counts found in the triangles of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Findings {
-    /// Triangles of a file that have no area, or stand there twice; they are left out.
+    /// Triangles without area, or duplicates; they are left out.
     pub left_out: usize,
-    /// How often triangles, or pieces of them, are cut, for corners of others lie within their sides.
+    /// Cuts of triangles, or of their pieces, at corners of others within their sides.
     pub cut: usize,
-    /// Edges of one triangle only: where the surface ends, or has a hole.
+    /// Edges of one triangle only, where the surface ends or has a hole.
     pub open_edges: usize,
     /// Edges of three triangles or more.
     pub crowded_edges: usize,
-    /// Edges whose two triangles do not agree on what is in front.
+    /// Edges whose two triangles have opposite orientations.
     pub turned_edges: usize,
 }
 
-/// Why triangles are no surface.
+/// Reason why triangles are no surface.
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
 pub enum SurfaceError {
     /// All are degenerate.
     #[error("the mesh has no triangle with an area")]
     Empty,
-    /// Not a number.
+    /// A coordinate is not a number.
     #[error("triangle {0} (from 0) has a coordinate that is not a number")]
     NotFinite(usize),
-    /// Corners within sides, of whatever pieces.
+    /// Pieces of triangles keep corners within their sides.
     #[error(
         "near ({:e}, {:e}, {:e}) m triangles lie so close on each other that they cannot be cut to share whole sides; \
          a smaller `weld` may help",
@@ -188,29 +189,29 @@ pub enum SurfaceError {
     },
 }
 
-/// The surface of a wall, in its axes.
+/// The surface of a wall, in the wall's axes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TriangleMesh {
     vertices: Vec<Vec3>,
-    /// First its own, then images of them.
+    /// Its own triangles, then images of them.
     triangles: Vec<Triangle>,
     own: usize,
     facets: Facets,
     grid: Grid,
-    /// What is behind the triangles, if grains with faces are there.
+    /// Volume behind the triangles, for particles with faces.
     solid: Option<Solid>,
-    /// How far its facets are from its triangles at most [m].
+    /// Largest distance of facets from their triangles [m].
     bulge: f64,
-    /// Of two touching facets with normals this near, as a cosine, only one counts.
+    /// Cosine of the angle between normals below which contacts on two adjoining facets count as one.
     smooth: f64,
     reach: f64,
-    /// Lowest and highest corner of the box around its corners [m].
+    /// Lowest and highest corner of the bounding box [m].
     bounds: [Vec3; 2],
     findings: Findings,
     checksum: u64,
 }
 
-/// A surface on its way to another rank.
+/// Serialisation of a surface sent to another rank.
 pub(super) mod shared {
     use super::TriangleMesh;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -231,21 +232,23 @@ pub(super) mod shared {
 }
 
 impl TriangleMesh {
-    /// From corners [m] in the axes of the wall. Contacts of one grain with facets that have a corner in common, and whose normals
-    /// differ by less than `smooth` [rad], count once.
+    /// A surface from corners [m] in the axes of the wall.
+    ///
+    /// Contacts of one particle count once if their facets have a corner in common and their normals differ by less than `smooth` [rad].
     ///
     /// # Errors
-    /// If they are no surface.
+    /// If the triangles are no surface.
     pub fn new(corners: &[[Vec3; 3]], smooth: f64) -> Result<Self, SurfaceError> {
         Self::with_images(corners, corners.len(), 0.0, smooth)
     }
 
-    /// The same of triangles of which only the first `own` are its own. The others are images beyond the periods of a domain, which pictures
-    /// and counts leave out. Corners that are nearer to each other than `weld`, if not by rounding, are one, and triangles are cut where
-    /// corners of others lie so near to their sides [m].
+    /// A surface of triangles of which only the first `own` are its own; the others are images beyond the periods of a domain.
+    ///
+    /// Pictures and counts leave the images out. Corners nearer to each other than `weld`, or than rounding, are merged. Triangles are cut where
+    /// corners of others are that near to their sides [m].
     ///
     /// # Errors
-    /// If they are no surface.
+    /// If the triangles are no surface.
     pub fn with_images(
         corners: &[[Vec3; 3]],
         own: usize,
@@ -285,7 +288,7 @@ impl TriangleMesh {
             (across * cosine + third * sine, third * cosine - across * sine)
         });
         let mut building = Building::default();
-        // A triangle has no area, and no rim, where the cone comes to its tip.
+        // At the tip of a cone a triangle has no area, and there is no rim.
         let is_there = [end > 0.0, begin > 0.0];
         for ((first, quarter), k) in lines.zip(0..) {
             building.vertices.extend([from + first * begin, to + first * end]);
@@ -311,7 +314,9 @@ impl TriangleMesh {
         Self { bulge, reach: mesh.reach + bulge, ..mesh }
     }
 
-    /// A cylinder that goes on beyond both of its ends by so much [m], of which pictures show nothing. If it does, it has no rims.
+    /// Copy of a cylinder that continues beyond both ends by this length [m]; without rims, if the length is positive.
+    ///
+    /// Pictures do not show the continuation.
     #[must_use]
     pub fn going_on(mut self, beyond: f64) -> Self {
         if beyond > 0.0 {
@@ -325,7 +330,7 @@ impl TriangleMesh {
         self
     }
 
-    /// Takes axes that begin at this place [m].
+    /// Moves the origin of the axes to this place [m].
     pub fn see_from(&mut self, place: &Vec3) {
         for vertex in &mut self.vertices {
             *vertex -= place;
@@ -339,17 +344,17 @@ impl TriangleMesh {
         self.reach = self.vertices.iter().map(Vec3::norm).fold(0.0, f64::max) + self.bulge;
     }
 
-    /// What was found of the triangles.
+    /// Defects and counts found in the triangles.
     pub const fn findings(&self) -> Findings {
         self.findings
     }
 
-    /// Is it a cylinder or a cone, which triangles only draw?
+    /// Whether it is an exact cylinder or cone, whose triangles are only for pictures.
     pub const fn is_exact(&self) -> bool {
         !self.facets.strips.is_empty()
     }
 
-    /// Triangles, facets, what is to be known of them, and memory, in a line.
+    /// Description in a line: triangles, facets, findings and memory.
     pub fn summary(&self) -> String {
         if let Some(strip) = self.facets.strips.first() {
             let Strip { radius, slope, length, .. } = strip;
@@ -390,7 +395,7 @@ impl TriangleMesh {
         text
     }
 
-    /// The largest component of its normals along a unit vector.
+    /// Largest component of the normals along a unit vector.
     pub fn most_along(&self, along: &Vec3) -> f64 {
         // Normals of edges and corners lie between those of faces.
         let of_faces = self.facets.faces.iter().map(|face| face.normal.dot(along).abs());
@@ -402,35 +407,35 @@ impl TriangleMesh {
         of_faces.chain(of_strips).fold(0.0, f64::max)
     }
 
-    /// Is it a cylinder or a cone?
+    /// Whether it is a cylinder or a cone.
     pub const fn is_round(&self) -> bool {
         !self.facets.strips.is_empty()
     }
 
-    /// How many triangles it has, without images.
+    /// Number of triangles, without images.
     pub const fn len(&self) -> usize {
         self.own
     }
 
-    /// Are there none?
+    /// Whether there are no triangles.
     pub const fn is_empty(&self) -> bool {
         self.own == 0
     }
 
-    /// How many facets it has.
+    /// Number of facets.
     pub const fn facet_count(&self) -> usize {
         self.facets.len()
     }
 
-    /// One of its facets.
+    /// The facet of a number.
     ///
     /// # Panics
-    /// If there are not so many.
+    /// If there is no such facet.
     pub fn facet(&self, number: u32) -> MeshFacet {
         self.facets.get(number, &self.vertices)
     }
 
-    /// All that a grain can touch.
+    /// All facets.
     pub fn facets(&self) -> impl Iterator<Item = MeshFacet> {
         (0..self.facet_count() as u32).map(|number| self.facet(number))
     }
@@ -438,18 +443,19 @@ impl TriangleMesh {
     /// Unit vectors along all edges from a corner.
     ///
     /// # Panics
-    /// If the facet of this number is no corner.
+    /// If the facet of this number is not a corner.
     pub fn edges_at(&self, corner: u32) -> impl Iterator<Item = Vec3> {
         self.facets.edges_at(corner, &self.vertices)
     }
 
-    /// Its triangles, without images [m].
+    /// Own triangles, without images [m].
     pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> {
         self.triangles[..self.own].iter().map(|t| self.corners(t))
     }
 
-    /// Does it bring images along, so that a grain comes from one to the other when it goes through a period? Then no distance from it says
-    /// how far the grain may go.
+    /// Whether the surface has images, from one to another of which a particle can pass through a period.
+    ///
+    /// If so, distances from the surface do not bound the way of the particle.
     pub const fn has_images(&self) -> bool {
         self.own < self.triangles.len()
     }
@@ -459,7 +465,7 @@ impl TriangleMesh {
         self.reach
     }
 
-    /// None of its points is farther from an axis through the reference point, of any length, than this [m].
+    /// Upper bound of the distances of its points from an axis through the reference point, of any length [m].
     pub fn reach_about(&self, axis: &Vec3) -> f64 {
         let Some(axis) = axis.try_normalize(0.0) else { return self.reach };
         let corners = (0..8).map(|k| Vec3::from_fn(|i, _| self.bounds[k >> i & 1][i]));
@@ -467,12 +473,12 @@ impl TriangleMesh {
         self.reach.min(from_axis + self.bulge)
     }
 
-    /// The same for the same triangles only, as good as, wherever they are seen from.
+    /// Hash of the triangles, independent of the origin of the axes.
     pub const fn checksum(&self) -> u64 {
         self.checksum
     }
 
-    /// Bytes that it holds.
+    /// Memory that the surface holds [bytes].
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.vertices)
             + size_of_val(&*self.triangles)
@@ -481,19 +487,19 @@ impl TriangleMesh {
             + self.solid.as_ref().map_or(0, Solid::bytes)
     }
 
-    /// Have two facets a corner in common?
+    /// Whether two facets have a corner in common.
     pub fn adjoin(&self, one: u32, other: u32) -> bool {
         let [one, other] = [one, other].map(|facet| self.facets.vertices_of(facet));
         let (few, many) = if one.len() < other.len() { (one, other) } else { (other, one) };
         few.iter().any(|vertex| many.binary_search(vertex).is_ok())
     }
 
-    /// Is an edge that opens by an angle of this cosine a fold, whose faces are not one?
+    /// Whether an edge whose opening has this cosine is a fold, with faces whose contacts are not merged.
     pub fn is_fold(&self, cosine: f64) -> bool {
         cosine < self.smooth
     }
 
-    /// Is a facet at a place of the surface a part of it with this unit normal, or its border?
+    /// Whether a facet at a place of the surface has this unit normal, or borders on a part that has.
     pub fn is_along(&self, facet: u32, place: &Vec3, normal: &Vec3) -> bool {
         let is_one = |own: Vec3| self.are_one(&own, normal) || self.are_one(&-own, normal);
         match self.facet(facet) {
@@ -509,7 +515,7 @@ impl TriangleMesh {
         }
     }
 
-    /// Does a direction point to the side of an edge on which it is sharp, and not into its fold?
+    /// Whether a direction points to the convex side of an edge, and not into its fold.
     pub fn is_outside(&self, edge: u32, out: &Vec3) -> bool {
         match self.facet(edge) {
             MeshFacet::Edge { first, quarter, opening, .. } => {
@@ -520,7 +526,9 @@ impl TriangleMesh {
         }
     }
 
-    /// Does a triangle lie in one of a face of another number than `but`, nearer to it than `tolerance` [m], with an area?
+    /// Whether a triangle coincides with a part of a face within `tolerance` [m].
+    ///
+    /// The face must have another number than `but`, and the common part an area.
     pub fn lies_in(&self, corners: &[Vec3; 3], but: Option<u32>, tolerance: f64) -> bool {
         if self.is_round() {
             return false;
@@ -536,13 +544,13 @@ impl TriangleMesh {
         found
     }
 
-    /// Does one of its triangles lie in another face, nearer to it than `tolerance` [m]?
+    /// Whether one of the triangles coincides with another face within `tolerance` [m].
     pub fn lies_in_itself(&self, tolerance: f64) -> bool {
         let mut own = self.triangles[..self.own].iter();
         own.any(|t| self.lies_in(&self.corners(t), Some(t.facets[0]), tolerance))
     }
 
-    /// Each triangle within a distance of a point [m], with its face, in rising order.
+    /// Calls `visit` for each triangle within a distance of a point [m], with its face, in rising order.
     pub fn for_each_triangle_near(
         &self,
         point: &Vec3,
@@ -563,9 +571,9 @@ impl TriangleMesh {
         }
     }
 
-    /// Is one of two facets a face, and the other an edge of it? Strips within a quarter turn of a rim are a face.
+    /// Whether one of two facets is a face and the other an edge of it. Strips within a quarter turn of a rim count as its face.
     pub fn are_face_and_edge(&self, one: u32, other: u32) -> bool {
-        // Faces stand first.
+        // Faces have the lowest numbers.
         let (face, edge) = (one.min(other), one.max(other));
         let [of_face, of_edge] = [face, edge].map(|facet| self.facets.vertices_of(facet));
         let is_on = || of_edge.iter().all(|k| of_face.binary_search(k).is_ok());
@@ -578,7 +586,7 @@ impl TriangleMesh {
             && if self.is_round() { is_beside() } else { is_on() }
     }
 
-    /// Are contacts with these unit normals, on facets that adjoin, one?
+    /// Whether contacts with these unit normals, on adjoining facets, count as one.
     pub fn are_one(&self, one: &Vec3, other: &Vec3) -> bool {
         one.dot(other) > self.smooth
     }
@@ -587,7 +595,7 @@ impl TriangleMesh {
         triangle.corners.map(|k| self.vertices[k as usize])
     }
 
-    /// The numbers of all facets within a distance of a point [m], in rising order.
+    /// Numbers of all facets within a distance of a point [m], in rising order.
     pub fn near(&self, point: &Vec3, distance: f64) -> Vec<u32> {
         let distance = distance + self.bulge;
         let square = distance * distance;
@@ -618,7 +626,7 @@ impl TriangleMesh {
         near
     }
 
-    /// The number of that of its triangles, without images, which is nearest to a point, of those within a distance [m]; of several the lowest.
+    /// Number of the own triangle nearest to a point, among those within a distance [m]; the lowest of several.
     pub fn nearest_triangle(&self, point: &Vec3, distance: f64) -> Option<usize> {
         let far = distance + self.bulge;
         let reach = Vec3::repeat(far);
@@ -629,7 +637,7 @@ impl TriangleMesh {
                 return;
             }
             let corners = self.corners(&self.triangles[number]);
-            // Most boxes about triangles are farther away, and quickly asked.
+            // Most bounding boxes are farther away, and are faster to check.
             let (low, high) = bounds(&corners);
             if (point.sup(&low).inf(&high) - point).norm_squared() <= nearest.0 {
                 let found = ((nearest_on(&corners, point) - point).norm_squared(), number);
@@ -641,7 +649,7 @@ impl TriangleMesh {
         Some(nearest.1).filter(|&number| number < self.own)
     }
 
-    /// Is a point of a face's plane in one of its triangles, or nearer to one than `tolerance` [m]?
+    /// Whether a point of a face's plane is in one of its triangles, within `tolerance` [m].
     pub fn is_on_face(&self, face: u32, point: &Vec3, tolerance: f64) -> bool {
         let mut found = false;
         let reach = Vec3::repeat(tolerance + self.bulge);
@@ -654,8 +662,9 @@ impl TriangleMesh {
         found
     }
 
-    /// Where the way from one point to another first goes through a triangle, not counting those of a face if one is given. What comes
-    /// within `tolerance` [m] of the second point is not between them.
+    /// First point where the way from one point to another passes through a triangle, except for those of the face `but`.
+    ///
+    /// A point within `tolerance` [m] of the second point is not between them.
     pub fn between(
         &self,
         but: Option<u32>,
@@ -685,7 +694,7 @@ impl TriangleMesh {
         first.map(|part| from + (to - from) * part)
     }
 
-    /// Is a part of the surface nearer to a point than this [m]? Strips are taken as going on beyond their ends.
+    /// Whether a part of the surface is nearer to a point than this [m]. Strips count as continued beyond their ends.
     pub fn meets_ball(&self, centre: &Vec3, radius: f64) -> bool {
         let mut found = false;
         let reach = Vec3::repeat(radius + self.bulge);
@@ -700,7 +709,7 @@ impl TriangleMesh {
         found
     }
 
-    /// Does a box from `low` to `high` [m], in the axes of the wall, hold a part of a triangle?
+    /// Whether a box from `low` to `high` [m], in the axes of the wall, contains a part of a triangle.
     pub fn comes_into(&self, low: &Vec3, high: &Vec3) -> bool {
         let mut found = false;
         self.grid.for_each_in(low, high, |triangle| {
@@ -711,7 +720,7 @@ impl TriangleMesh {
     }
 }
 
-/// It has no volume and no support point, and is never asked for them.
+/// It has neither volume nor support point, and resolvers never ask for them.
 impl Convex for TriangleMesh {
     fn support(&self, _: &Vec3) -> Vec3 {
         Vec3::repeat(f64::NAN)

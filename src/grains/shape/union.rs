@@ -1,10 +1,10 @@
-//! A body of convex pieces: any form, concave or of several lumps.
+//! A body of convex pieces, of any form: concave or of several lumps.
 //!
-//! Pieces may touch and overlap. Volume, centre and moments of inertia are those of the points that any piece holds.
+//! Pieces may touch and overlap. Volume, centre and moments of inertia are those of the points in any piece.
 //!
-//! A union has no contacts of its own. Its pieces do ([`crate::particles::pieces`]), and those that are one place of the body make one
-//! contact. How far two pieces are one is a number of the body ([`Union::oneness`]): 1 where all that lies between their points is in the
-//! body, as between two halves of a box; 0 across a dent.
+//! A union has no contacts of its own. Its pieces do ([`crate::particles::pieces`]), and those at one place of the body make one contact. The
+//! body stores the degree to which two pieces are joined ([`Union::oneness`]): 1 where everything between their points is in the body, as
+//! between two halves of a box; 0 across a dent.
 
 mod mass;
 
@@ -18,16 +18,16 @@ use serde::{Deserialize, Serialize};
 /// A convex part of a body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Piece {
-    /// Its geometry.
+    /// Geometry.
     pub shape: Shape,
-    /// Its centre of mass [m].
+    /// Centre of mass [m].
     pub centre: Vec3,
-    /// From its axes to those of the body.
+    /// Rotation from the piece's axes to those of the body.
     pub rotation: Quat,
 }
 
 impl Piece {
-    /// Is a point, in the axes of the body, in it?
+    /// Whether a point, in the axes of the body, is in the piece.
     pub fn contains(&self, point: &Vec3) -> bool {
         self.shape.contains(&self.rotation.inverse_transform_vector(&(point - self.centre)))
     }
@@ -37,7 +37,7 @@ impl Piece {
         self.centre + self.rotation * self.shape.support(&own)
     }
 
-    /// A point of it, by chance.
+    /// A random point of the piece.
     fn point(&self, random: &mut Random) -> Vec3 {
         let half = self.shape.half_lengths();
         loop {
@@ -49,24 +49,24 @@ impl Piece {
     }
 }
 
-/// No body can be made of these pieces.
+/// Reason why no body can be made of pieces.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum UnionError {
-    /// There is none.
+    /// There is no piece.
     #[error("a union has one piece or more")]
     Empty,
-    /// More than have names.
+    /// There are more pieces than names.
     #[error("a union has at most {most} pieces, not {count}", most = Union::MOST)]
     TooMany {
-        /// How many.
+        /// Number of pieces.
         count: usize,
     },
-    /// One adds nothing.
+    /// A piece adds nothing.
     #[error("piece {inner} lies within piece {outer}: leave it out")]
     Within {
-        /// From 1.
+        /// Number of the inner piece, from 1.
         inner: usize,
-        /// From 1.
+        /// Number of the outer piece, from 1.
         outer: usize,
     },
 }
@@ -76,7 +76,7 @@ pub enum UnionError {
 #[serde(try_from = "Stored", into = "Stored")]
 pub struct Union(Stored);
 
-/// As messages and files have it.
+/// Representation in messages and files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Stored {
     pieces: Vec<Piece>,
@@ -111,32 +111,33 @@ impl TryFrom<Stored> for Union {
     }
 }
 
-/// Pieces are one to no part where the body holds less than this share of what lies between them.
+/// Share of the points between two pieces in the body below which the pieces are not joined.
 const APART: f64 = 0.9;
-/// So many points between two pieces are looked at.
+/// Number of points sampled between two pieces.
 const LOOKS: usize = 1000;
-/// Points this near to a piece, over its size, are in it.
+/// Points this near to a piece count as in it, over the size of the body.
 const NEAR: f64 = 1e-9;
 
 impl Union {
-    /// How many pieces a body has at most.
+    /// Largest number of pieces of a body.
     pub const MOST: usize = 1 << 10;
 
     /// A body of pieces in any axes.
     ///
     /// # Errors
-    /// If there is no piece, or too many, or one within another.
+    /// If there are no pieces or too many, or if one is within another.
     pub fn new(pieces: Vec<Piece>) -> Result<Self, UnionError> {
         Self::check(&pieces)?;
         let (principal, error) = mass::of(&pieces)?;
         Ok(Self::seen_from(&principal, pieces, error))
     }
 
-    /// A body whose pieces, all with faces, stand for the inside of a closed surface of triangles, in the same axes. Mass and inertia are the surface's. Pieces within
-    /// others are left out.
+    /// A body whose pieces, all with faces, represent the inside of a closed surface of triangles, in the same axes.
+    ///
+    /// Mass and inertia are those of the surface. Pieces within others are left out.
     ///
     /// # Errors
-    /// If there is no piece, or too many.
+    /// If there are no pieces or too many.
     pub fn in_surface(mut pieces: Vec<Piece>, surface: &[[Vec3; 3]]) -> Result<Self, UnionError> {
         let moments = Moments::of_surface(surface);
         let of_pieces = loop {
@@ -191,36 +192,38 @@ impl Union {
         })
     }
 
-    /// Its pieces, in its axes.
+    /// Pieces, in the axes of the body.
     pub fn pieces(&self) -> &[Piece] {
         &self.0.pieces
     }
 
-    /// By how much the volume may be wrong, relative; 0 where it is exact but for rounding. Of a body that stands for a surface: by how much the volume of
-    /// its pieces is larger.
+    /// Relative error of the volume; 0 where it is exact within rounding.
+    ///
+    /// For a body that represents a surface, it is the relative excess of the volume of its pieces.
     pub const fn error(&self) -> f64 {
         self.0.error
     }
 
-    /// How far pieces are from the surface for which they stand, at most [m]; 0 if there is none.
+    /// Largest distance of pieces from the surface that they represent [m]; 0 without a surface.
     pub const fn far(&self) -> f64 {
         self.0.far
     }
 
-    /// Into how many pieces at most the mesh was to be cut for which it stands; 0 if there is none.
+    /// Largest number of pieces into which the mesh was to be cut; 0 without a mesh.
     pub const fn asked(&self) -> u32 {
         self.0.asked
     }
 
-    /// The same, of a mesh that was to be cut into so many pieces at most.
+    /// Copy that records the largest number of pieces into which its mesh was to be cut.
     #[must_use]
     pub const fn of_at_most(mut self, asked: u32) -> Self {
         self.0.asked = asked;
         self
     }
 
-    /// How far pieces with faces are from a surface, given in the axes of the file, at most, at the corners, the middles of sides and the middles of its
-    /// triangles [m].
+    /// Largest distance of pieces with faces from a surface, which is given in the axes of the file [m].
+    ///
+    /// It is taken at the corners, the middles of sides and the middles of the surface's triangles.
     fn distance_to(&self, surface: &[[Vec3; 3]]) -> f64 {
         let Placement { centre, axes } = self.0.placement;
         let points = surface.iter().flat_map(|[a, b, c]| {
@@ -230,7 +233,7 @@ impl Union {
         points.map(far).fold(0.0, f64::max)
     }
 
-    /// How deep a point lies in the deepest piece with faces, negative outside of all [m].
+    /// Depth of a point in the deepest piece with faces [m]; negative outside of all.
     fn depth(&self, point: &Vec3) -> f64 {
         let depth = |piece: &Piece| {
             let own = piece.rotation.inverse_transform_vector(&(point - piece.centre));
@@ -240,14 +243,14 @@ impl Union {
         self.0.pieces.iter().map(depth).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// How far two of its pieces are one place, from 0 to 1.
+    /// Degree to which two pieces are joined, from 0 to 1.
     #[inline]
     pub fn oneness(&self, one: usize, other: usize) -> f64 {
         self.0.oneness[one * self.0.pieces.len() + other]
     }
 }
 
-/// From the share that the body holds of the points on the ways between two pieces.
+/// Degrees from the share of the points between two pieces that is in the body.
 fn oneness(pieces: &[Piece]) -> Vec<f64> {
     let count = pieces.len();
     let (low, high) = bounds(&pieces.iter().map(|piece| piece.centre).collect::<Vec<_>>());
@@ -271,7 +274,7 @@ fn oneness(pieces: &[Piece]) -> Vec<f64> {
     oneness
 }
 
-/// Is a point in a piece, or hardly outside?
+/// Whether a point is in a piece, or at most `near` outside.
 fn is_near(piece: &Piece, point: &Vec3, near: f64) -> bool {
     let inwards = piece.centre - point;
     let distance = inwards.norm();
@@ -289,7 +292,7 @@ impl Convex for Union {
         self.0.bounding_radius
     }
 
-    /// The inscribed radius of the thinnest piece.
+    /// Inscribed radius of the thinnest piece.
     fn inscribed_radius(&self) -> f64 {
         let radii = self.0.pieces.iter().map(|piece| piece.shape.inscribed_radius());
         radii.fold(f64::INFINITY, f64::min)

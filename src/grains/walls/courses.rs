@@ -1,30 +1,29 @@
-//! How walls move that have a course: oscillations and tables besides constant velocities, as functions of time.
+//! Prescribed wall motion: oscillations, tables and constant velocities as functions of time.
 //!
-//! A place of a course is computed from the time alone, never from the place before: the rounding of a million steps is that of
-//! one, and a run that goes on from a snapshot has the same bits. The velocity in a step is the mean of the exact motion over
-//! it, place minus place over time: what dashpots feel, how far springs stretch and the work of the wall then belong to the way that
-//! the wall has gone.
+//! A pose is computed from the time alone, never from the previous pose. The rounding of a million steps is that of one, and a run that
+//! continues from a snapshot has the same bits. The velocity in a step is the mean of the exact motion over it: displacement over time.
+//! Damping forces, the stretch of springs and the work of the wall are thus consistent with the displacement of the wall.
 
 use crate::math::{Quat, Vec3, rotation_about};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// The motion of a wall as a function of time.
+/// Wall motion as a function of time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Course {
-    /// Displacements of the reference point, each along a unit vector, in m.
+    /// Displacements of the reference point, each along a unit vector [m].
     pub shifts: Vec<(Vec3, Way)>,
-    /// A rotation about an axis through the reference point, in rad.
+    /// Rotation about an axis through the reference point [rad].
     pub turn: Option<(Vec3, Way)>,
 }
 
 impl Course {
-    /// How far the reference point is from where it was at time 0 [m].
+    /// Displacement of the reference point since time 0 [m].
     pub fn shift(&self, time: f64) -> Vec3 {
         self.shifts.iter().map(|(along, way)| along * way.at(time)).sum()
     }
 
-    /// How far it has turned between two times.
+    /// Rotation between two times.
     pub fn rotation(&self, from: f64, to: f64) -> Quat {
         self.turn.as_ref().map_or_else(Quat::identity, |(axis, way)| {
             rotation_about(axis, way.at(to) - way.at(from))
@@ -37,7 +36,7 @@ impl Course {
         self.velocities(of)
     }
 
-    /// Velocity [m/s] and angular velocity [rad/s] at time 0, after which it moves.
+    /// Velocity [m/s] and angular velocity [rad/s] at time 0.
     pub fn first_velocities(&self) -> (Vec3, Vec3) {
         self.velocities(Way::first_rate)
     }
@@ -49,17 +48,17 @@ impl Course {
         (shifts.collect(), turn.map_or_else(Vec3::zeros, |(axis, way)| axis * way.fastest()))
     }
 
-    /// That of its fastest oscillation, if it has one [s].
+    /// Period of the fastest oscillation, if there is one [s].
     pub fn shortest_period(&self) -> Option<f64> {
         self.ways().filter_map(Way::period).reduce(f64::min)
     }
 
-    /// Does it go on for ever?
+    /// Whether the motion has no end.
     pub fn is_endless(&self) -> bool {
         self.ways().any(|way| !matches!(way, Way::Table(_)))
     }
 
-    /// When the last of its tables ends [s]; `None` if it has none.
+    /// End of the last table [s]; `None` without tables.
     pub fn end(&self) -> Option<f64> {
         self.ways().filter_map(Way::end).reduce(f64::max)
     }
@@ -69,7 +68,7 @@ impl Course {
         self.shifts.iter().map(|(_, way)| way).chain(turn)
     }
 
-    /// In words, as a plan tells it.
+    /// Description for the plan of a run.
     pub fn summary(&self) -> String {
         let shifts = self.shifts.iter().map(|(along, way)| way.summary("along", along, "m"));
         let turn = self.turn.iter().map(|(axis, way)| way.summary("about", axis, "rad"));
@@ -83,21 +82,21 @@ impl Course {
     }
 }
 
-/// A displacement [m] or angle [rad] that depends on time, 0 at time 0.
+/// A displacement [m] or angle [rad] as a function of time, 0 at time 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Way {
-    /// At a constant rate [m/s, rad/s].
+    /// Constant rate [m/s, rad/s].
     Steady(f64),
     /// `amplitude (sin(2π frequency t + phase) - sin(phase))`.
     Oscillation {
-        /// [m, rad]
+        /// Amplitude [m, rad].
         amplitude: f64,
-        /// [1/s]
+        /// Frequency [1/s].
         frequency: f64,
-        /// [rad]
+        /// Phase at time 0 [rad].
         phase: f64,
     },
-    /// As listed.
+    /// Values from a table.
     Table(Table),
 }
 
@@ -106,7 +105,7 @@ impl Way {
         match self {
             Self::Steady(rate) => rate * time,
             Self::Oscillation { amplitude, frequency, phase } => {
-                // The difference of two sines, without the loss of digits near time 0.
+                // The difference of two sines, without loss of digits near time 0.
                 let half = 0.5 * TAU * frequency * time;
                 2.0 * amplitude * libm::cos(half + phase) * libm::sin(half)
             }
@@ -156,12 +155,12 @@ impl Way {
         if let Self::Oscillation { frequency, .. } = self { Some(1.0 / *frequency) } else { None }
     }
 
-    /// The time of the last row, after which it stays [s]; `None` of one that never does.
+    /// Time of the last row, after which the value is constant [s]; `None` for a motion without end.
     fn end(&self) -> Option<f64> {
         if let Self::Table(table) = self { table.times.last().copied() } else { None }
     }
 
-    /// The largest rate at any time [m/s, rad/s].
+    /// Largest rate at any time [m/s, rad/s].
     fn fastest(&self) -> f64 {
         match self {
             Self::Steady(rate) => rate.abs(),
@@ -171,22 +170,23 @@ impl Way {
     }
 }
 
-/// Displacements [m] or angles [rad] at times [s]. After the last the wall stays.
+/// Displacements [m] or angles [rad] at times [s]. After the last row the value is constant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Table {
     times: Vec<f64>,
     values: Vec<f64>,
-    /// The rate at each time, of a smooth one [m/s, rad/s].
+    /// Rate at each row of a smooth table [m/s, rad/s].
     rates: Option<Vec<f64>>,
 }
 
 impl Table {
-    /// From two rows or more, whose times begin with 0 and rise. Straight lines between them; or, if `is_smooth`, cubic polynomials
-    /// that do not go beyond their rows, whose rates at rows are harmonic means of the slopes beside them (Fritsch and Butland
-    /// 1984, DOI 10.1137/0905021): it begins and ends at rest, and turns where the rows do.
+    /// A table of two rows or more, whose times rise from 0, with straight lines between the rows.
+    ///
+    /// If `is_smooth`, the lines are cubic polynomials that do not exceed their rows. The rates at rows are harmonic means of the adjacent slopes
+    /// (Fritsch and Butland 1984, DOI 10.1137/0905021). The motion then begins and ends at rest, and reverses at rows only.
     ///
     /// # Panics
-    /// If the rows are not so.
+    /// If there are fewer than two rows, or their times do not rise from 0.
     pub fn new(rows: &[(f64, f64)], is_smooth: bool) -> Self {
         assert!(rows.len() > 1 && rows[0].0 == 0.0 && rows.is_sorted_by(|a, b| a.0 < b.0));
         let (times, values): (Vec<f64>, Vec<f64>) = rows.iter().copied().unzip();
@@ -207,7 +207,7 @@ impl Table {
         table
     }
 
-    /// Before row `k` [s].
+    /// Width of the interval before row `k` [s].
     fn width(&self, k: usize) -> f64 {
         self.times[k] - self.times[k - 1]
     }
@@ -236,7 +236,7 @@ impl Table {
         begin - first + cubic
     }
 
-    /// The value of its rows at a time [s]; that of the last after it.
+    /// Value of the table at a time [s]; that of the last row after it.
     pub fn value(&self, time: f64) -> f64 {
         self.values[0] + self.at(time)
     }
@@ -249,7 +249,7 @@ impl Table {
         let of_row = |k: usize| {
             let slope = self.slope(k);
             let Some(rates) = &self.rates else { return slope.abs() };
-            // The rate is a parabola: its ends, and its vertex.
+            // The rate is a parabola, so its extremes are at the ends and the vertex.
             let [from, to] = [rates[k - 1], rates[k]];
             let (half, square) = (3.0 * slope - 2.0 * from - to, 3.0 * (from + to - 2.0 * slope));
             let vertex = -half / square;
@@ -275,7 +275,7 @@ mod tests {
         ]
     }
 
-    /// Rates are those of the way, the largest is reached and not passed, and a way begins at 0.
+    /// Rates are the derivatives of the motion, the largest is reached and not exceeded, and a motion begins at 0.
     #[test]
     fn rates_belong_to_ways() {
         for (k, way) in ways().iter().enumerate() {
@@ -298,7 +298,7 @@ mod tests {
         }
     }
 
-    /// A smooth table goes through its rows, not beyond them, and its rate does not jump.
+    /// A smooth table passes through its rows, not beyond them, and its rate does not jump.
     #[test]
     fn smooth_tables_stay_between_their_rows() {
         let rows = [(0.0, 0.0), (0.5, 0.1), (0.6, 0.9), (1.5, 1.2), (1.7, -0.1)];

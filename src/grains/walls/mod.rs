@@ -1,16 +1,20 @@
-//! Walls: rigid bodies with facets, of which every rank has all.
+//! Walls: rigid bodies with facets, all of which every rank has.
 //!
-//! Here, and in the resolvers of facets, stands all that knows what a facet is: a plane, or a face, an edge or a corner of a mesh of
-//! triangles. All planes have slots; of a mesh only the facets near a rank's particles have. Other rooms ask how far a point
-//! is from a plane ([`facets`]), which facets of a mesh are near it ([`Wall::facets_near`]), how far a wall has come towards grains ([`Wall::nearer_since_listed`]), how fast it does
-//! ([`Wall::way`]), how deep a box lies behind it ([`Wall::depth`]), where it ends the room of the particles ([`Across`]).
+//! A facet is a plane, or a face, an edge or a corner of a triangle mesh. Only this module and the resolvers of facets depend on that. All
+//! planes have slots; of a mesh only the facets near the particles of a rank have. Other modules ask for:
 //!
-//! A wall has a pose, which is that of its reference point and axes, and a motion. The pose comes from the number of steps since
-//! the wall began to move as it does, in closed form: a million steps have the rounding of one, and a run that goes on from a
-//! snapshot has the same bits.
+//! - the distance of a point from a plane ([`facets`]),
+//! - the facets of a mesh near a point ([`Wall::facets_near`]),
+//! - the distance by which a wall has come nearer to particles ([`Wall::nearer_since_listed`]) and its way in a step ([`Wall::way`]),
+//! - the depth of a box behind a wall ([`Wall::depth`]),
+//! - the bound that it sets to the space of the particles ([`Across`]).
 //!
-//! What moves a wall: its scene, with constant velocities or a course ([`courses`]), or a drive, which sets its velocities in each step
-//! (`drive::servo`, `drive::free`).
+//! A wall has a pose, which is that of its reference point and axes, and a motion. The pose follows in closed form from the number of steps
+//! since the wall began its present motion. A million steps have the rounding of one, and a run that continues from a snapshot has the same
+//! bits.
+//!
+//! A scene moves a wall with constant velocities or a motion prescribed in time ([`courses`]). A drive sets the velocities of a wall in each
+//! step (`drive::servo`, `drive::free`).
 
 pub mod courses;
 mod saved;
@@ -28,78 +32,80 @@ use courses::Course;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// The lowest and the highest corner of a box [m].
+/// Lowest and highest corner of a box [m].
 pub type Corners = (Vec3, Vec3);
 
-/// Components of normals along a wall's direction that are less than this are rounding.
+/// Components of normals along a wall's direction below this are rounding.
 const SQUARE_ON: f64 = 1e-9;
-/// Turns by less than this are rounding [rad].
+/// Rotations below this are rounding [rad].
 const LEAST_TURN: f64 = 1e-9;
 
-/// A rigid body that particles do not pass.
+/// A rigid body that particles cannot pass.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Wall {
-    /// Its name in the scene.
+    /// Name in the scene.
     pub name: String,
-    /// Reference point, where its axes begin [m].
+    /// Reference point, the origin of the wall's axes [m].
     pub point: Vec3,
-    /// Rotation from its axes to the world.
+    /// Rotation from the wall's axes to the world.
     pub orientation: Quat,
-    /// Where its scene has the reference point [m].
+    /// Reference point in the scene [m].
     of_scene: Vec3,
     /// Velocity of the reference point [m/s].
     pub velocity: Vec3,
-    /// Angular velocity, about the reference point [rad/s].
+    /// Angular velocity about the reference point [rad/s].
     pub angular_velocity: Vec3,
-    /// Velocity of its surface against itself, as of a conveyor belt, in its axes: what of it lies in the plane of a contact [m/s].
+    /// Velocity of the surface relative to the wall, as of a conveyor belt, in the wall's axes [m/s].
+    ///
+    /// Its part in the plane of a contact takes effect.
     pub surface_velocity: Vec3,
-    /// Mass, infinite unless contacts are to feel that it is not [kg].
+    /// Mass felt in contacts [kg]; infinite unless contacts depend on it.
     pub mass: f64,
-    /// The direction along which it moves as one of this mass, a unit vector; across that it is held.
+    /// Direction along which the wall has this mass, a unit vector. Across it the wall is held.
     pub free_along: Vec3,
-    /// Does the scene move it, at given velocities, by a course or by a servo?
+    /// Whether the scene moves the wall, by velocities, a prescribed motion or a servo.
     pub moves: bool,
-    /// About what the torque on it is written, if that is to be.
+    /// Point about which the torque on the wall is written, if it is.
     pub torque: Option<TorqueAbout>,
-    /// Is what grains do to it to be summed, by triangles if it has any?
+    /// Whether the action of particles on the wall is summed, by triangles if it has any.
     pub wears: bool,
-    /// Its surface, in its axes, if that is of planes.
+    /// Plane facets of the surface, in the wall's axes.
     pub facets: Vec<Facet>,
-    /// Its surface, in its axes, if that is of triangles.
+    /// Triangle mesh of the surface, in the wall's axes, if it has one.
     pub mesh: Option<Mesh>,
-    /// How it moves, if not with constant velocities or by a drive. Times count from the beginning of the stage.
+    /// Prescribed motion, if the wall has neither constant velocities nor a drive. Times count from the beginning of the stage.
     pub course: Option<Course>,
-    /// Since when it has the velocities that it has; `None` before its first step, or if it does not move.
+    /// Motion with the present velocities; `None` before the first step, or for a wall that does not move.
     steady: Option<Steady>,
-    /// Since when it follows its course; `None` before its first step, or if it has none.
+    /// State of the prescribed motion; `None` before the first step, or without such a motion.
     following: Option<Following>,
-    /// Where it stood when the pairs were listed.
+    /// Pose when the pairs were listed.
     listed: Pose,
 }
 
-/// About what the torque on a wall is taken.
+/// Point about which the torque on a wall is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum TorqueAbout {
-    /// Its reference point, which moves with it.
+    /// Reference point, which moves with the wall.
     Reference,
-    /// A point that stays where it is [m].
+    /// A fixed point [m].
     Fixed(Vec3),
 }
 
-/// The surface of a wall of triangles.
+/// Triangle mesh of a wall.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mesh {
-    /// Its geometry, in the axes of the wall. Messages between ranks have it once, in the library of shapes.
+    /// Geometry in the wall's axes. Messages between ranks contain it once, in the library of shapes.
     #[serde(skip)]
     pub surface: Arc<TriangleMesh>,
-    /// The same in the library of shapes, once it is there.
+    /// Index of the geometry in the library of shapes, once it is there.
     pub shape: ShapeId,
-    /// Where the axes of its file, or of its cylinder, begin [m].
+    /// Origin of the axes of its file, or of its cylinder [m].
     origin: Vec3,
 }
 
 impl Mesh {
-    /// Lets its own origin be at a place in the axes of the wall [m].
+    /// Sets the mesh's own origin to a place in the wall's axes [m].
     fn set_origin(&mut self, origin: Vec3) {
         let place = self.origin - origin;
         if place != Vec3::zeros() {
@@ -109,53 +115,55 @@ impl Mesh {
     }
 }
 
-/// A piece of the surface of a wall.
+/// A plane facet of a wall.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Facet {
-    /// Its geometry, in the axes of the wall.
+    /// Geometry in the wall's axes.
     pub geometry: HalfSpace,
-    /// The same in the library of shapes, once it is there.
+    /// Index of the geometry in the library of shapes, once it is there.
     pub shape: ShapeId,
 }
 
-/// Where a wall stands.
+/// Position and orientation of a wall.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Pose {
     point: Vec3,
     orientation: Quat,
 }
 
-/// A motion with constant velocities. A drive that changes that of the reference point begins the way anew, not the turn.
+/// A motion with constant velocities.
+///
+/// A drive that changes the velocity of the reference point restarts the translation, but not the rotation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Steady {
-    /// The steps at which way and turn began.
+    /// Steps at which translation and rotation began.
     since: [u64; 2],
-    /// Where the reference point was, and the orientation, then.
+    /// Pose at those steps.
     from: Pose,
-    /// Of the reference point [m/s].
+    /// Velocity of the reference point [m/s].
     velocity: Vec3,
-    /// About it [rad/s].
+    /// Angular velocity about the reference point [rad/s].
     angular_velocity: Vec3,
 }
 
-/// A course that is followed.
+/// A prescribed motion in progress.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Following {
-    /// The step at which it began.
+    /// Step at which it began.
     since: u64,
-    /// The time of the course then [s].
+    /// Time of the prescribed motion at that step [s].
     time: f64,
-    /// Where the wall stood then.
+    /// Pose at that step.
     from: Pose,
 }
 
 impl Following {
-    /// The time of the course after a step of those of `dt` [s].
+    /// Time of the prescribed motion after a step, for steps of `dt` [s].
     fn time_at(&self, step: u64, dt: f64) -> f64 {
         self.time + (step - self.since) as f64 * dt
     }
 
-    /// Where a course has the wall at a time [s].
+    /// Pose by the prescribed motion at a time [s].
     fn pose_at(&self, course: &Course, time: f64) -> Pose {
         Pose {
             point: self.from.point + (course.shift(time) - course.shift(self.time)),
@@ -165,7 +173,7 @@ impl Following {
 }
 
 impl Steady {
-    /// Where it has the wall at a step of `dt` [s].
+    /// Pose at a step, for steps of `dt` [s].
     fn pose(&self, step: u64, dt: f64) -> Pose {
         let [way, turn] = self.since.map(|since| (step - since) as f64 * dt);
         let Pose { point, orientation } = self.from;
@@ -179,7 +187,7 @@ impl Steady {
     }
 }
 
-/// Cosine of the angle by which walls that lie in each other differ at most, of 0.001.
+/// Cosine of 0.001, the largest angle between walls that count as lying in each other.
 pub const PARALLEL: f64 = 1.0 - 5e-7;
 
 /// A plane in place: points `p` with `(p - point) · normal = offset`.
@@ -191,32 +199,32 @@ pub struct InPlace {
 }
 
 impl InPlace {
-    /// How far a point is in front of it [m].
+    /// Distance of a point in front of the plane [m].
     #[inline]
     pub fn distance(&self, point: &Vec3) -> f64 {
         (point - self.point).dot(&self.normal) - self.offset
     }
 
-    /// Is it another, nearer than a distance [m]?
+    /// Whether the plane coincides with another one within a distance [m].
     fn is_same(&self, other: &Self, tolerance: f64) -> bool {
         let on_other = other.point + other.normal * other.offset;
         self.normal.dot(&other.normal) > PARALLEL && self.distance(&on_other).abs() <= tolerance
     }
 
-    /// How much nearer it is to a point than the same facet was `before`, or farther, where that is most within `room` [m].
+    /// Largest change of the distance from a point within `room` since the facet was at `before` [m].
     fn moved(&self, before: &Self, room: &Corners) -> f64 {
         if self.normal == before.normal {
             let along = (self.point - before.point).dot(&self.normal);
             return (along + (self.offset - before.offset)).abs();
         }
-        // The change of the distance is linear in the place of the point: the most is at a corner.
+        // The change of the distance is linear in the position of the point, so it is largest at a corner.
         let moved = |corner: Vec3| (before.distance(&corner) - self.distance(&corner)).abs();
         corners(room).into_iter().map(moved).fold(0.0, larger_or_infinite)
     }
 }
 
 impl Pose {
-    /// Columns are the wall's axes in the world; what lies along the axis of the turn stays as it is, to the last bit.
+    /// Wall's axes in the world, as columns. An axis along that of the rotation stays the same to the last bit.
     fn frame(&self) -> Mat3 {
         let turned = |axis: Vec3| self.orientation.transform_vector(&axis);
         Mat3::from_columns(&[turned(Vec3::x()), turned(Vec3::y()), turned(Vec3::z())])
@@ -228,20 +236,21 @@ impl Pose {
     }
 }
 
-/// A wall that stands across an axis, as one of a box does.
+/// A wall across an axis, like one of a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Across {
     /// The axis.
     pub axis: usize,
-    /// Component of its normal, 1 or -1.
+    /// Component of the normal, 1 or -1.
     pub inwards: f64,
-    /// Where it stands [m].
+    /// Position along the axis [m].
     pub place: f64,
 }
 
 impl Wall {
-    /// A wall at rest that is to have planes, each through a point [m] and with a unit normal towards the particles; its
-    /// reference point, too, in m.
+    /// A wall of planes at rest.
+    ///
+    /// Each plane is given by a point [m] and a unit normal towards the particles; `reference` is the reference point [m].
     pub fn of_planes(name: String, reference: Vec3, planes: &[(Vec3, Vec3)]) -> Self {
         let facet = |&(point, normal): &(Vec3, Vec3)| Facet {
             geometry: HalfSpace { normal, offset: (point - reference).dot(&normal) },
@@ -270,22 +279,22 @@ impl Wall {
         }
     }
 
-    /// The same of one plane, with the reference point in it.
+    /// A wall of one plane at rest, with the reference point in it.
     pub fn plane(name: String, point: Vec3, normal: Vec3) -> Self {
         Self::of_planes(name, point, &[(point, normal)])
     }
 
-    /// A wall at rest of triangles, whose corners are seen from the reference point [m].
+    /// A wall of triangles at rest, with corners relative to the reference point [m].
     pub fn of_mesh(name: String, reference: Vec3, surface: TriangleMesh) -> Self {
         let surface = Arc::new(surface);
         let mesh = Some(Mesh { surface, shape: ShapeId(0), origin: Vec3::zeros() });
         Self { mesh, ..Self::of_planes(name, reference, &[]) }
     }
 
-    /// Gives a surface of triangles the cells behind them, for grains with faces that reach so far at most [m].
+    /// Adds the cells behind the triangles, for particles with faces that reach this far at most [m].
     ///
     /// # Errors
-    /// If the surface has no two sides.
+    /// If the surface does not have two sides.
     pub fn add_cells(&mut self, farthest: f64) -> Result<(), NoSolid> {
         if let Some(Mesh { surface, .. }) = &mut self.mesh {
             Arc::make_mut(surface).add_cells(farthest)?;
@@ -293,10 +302,10 @@ impl Wall {
         Ok(())
     }
 
-    /// Lets the cells behind its triangles, if it has some, do for grains with faces that reach so far [m].
+    /// Extends the cells behind the triangles, if there are any, for particles with faces that reach this far [m].
     ///
     /// # Panics
-    /// If it has some and no two sides, which cannot be.
+    /// If the surface has cells but not two sides, which cannot occur.
     pub fn deepen_cells(&mut self, farthest: f64, library: &mut Library) {
         if let Some(Mesh { surface, shape, .. }) = &mut self.mesh
             && surface.has_cells()
@@ -308,12 +317,12 @@ impl Wall {
         }
     }
 
-    /// How many shapes its facets need in a library.
+    /// Number of shapes that the facets need in a library.
     pub fn shapes(&self) -> usize {
         self.facets.len() + usize::from(self.mesh.is_some())
     }
 
-    /// What messages call one of its facets; nothing if it is the only one.
+    /// Name of a facet in messages; empty if it is the only one.
     pub fn facet_name(&self, facet: usize) -> String {
         let is_there = |mesh: &&Mesh| facet < mesh.surface.facet_count();
         let mesh = self.mesh.as_ref().filter(is_there);
@@ -328,11 +337,11 @@ impl Wall {
         }
     }
 
-    /// Adds its facets to a library of shapes, which say what it is made of and its mass along their normals.
+    /// Adds the facets to a library of shapes, with their material and the mass along their normals.
     pub fn enter(&mut self, library: &mut Library, material: MaterialId) {
         let along = self.frame().tr_mul(&self.free_along);
         let mass = self.mass;
-        // Held across its direction, it is as heavy against a normal as more of it lies across.
+        // Held across its direction, the wall is heavier the more the normal deviates from that direction.
         let mass_against = |along_normal: f64| {
             if along_normal.abs() > SQUARE_ON {
                 mass / (along_normal * along_normal)
@@ -354,7 +363,7 @@ impl Wall {
         }
     }
 
-    /// Takes its surface of triangles, of which a message has none, from the library.
+    /// Takes the triangle mesh, which messages do not contain, from the library.
     pub fn take_surface(&mut self, library: &Library) {
         if let Some(mesh) = &mut self.mesh
             && let Shape::TriangleMesh(surface) = &library.shapes[mesh.shape.index()]
@@ -363,19 +372,19 @@ impl Wall {
         }
     }
 
-    /// The lowest and highest corner of its triangles where it stands [m], if it has some.
+    /// Lowest and highest corner of the triangles in place [m], if there are any.
     pub fn extent(&self) -> Option<Corners> {
         let corners = self.corners().map(|corner| (corner, corner));
         corners.reduce(|(low, high), (l, h)| (low.inf(&l), high.sup(&h)))
     }
 
-    /// The corners of its triangles where it stands, if it has some [m].
+    /// Corners of the triangles in place [m].
     fn corners(&self) -> impl Iterator<Item = Vec3> {
         let of_mesh = self.mesh.iter().flat_map(|mesh| mesh.surface.triangles().flatten());
         of_mesh.map(|corner| self.point + self.orientation.transform_vector(&corner))
     }
 
-    /// Are all of its triangles outside the domain by more than its extent?
+    /// Whether all triangles are outside the domain by more than its extent.
     pub fn is_far_out_of(&self, cell: &Cell) -> bool {
         let Some(Mesh { surface, .. }) = &self.mesh else { return false };
         let ((low, high), reach) = (cell.corners(), surface.reach());
@@ -389,7 +398,7 @@ impl Wall {
         Pose { point: self.point, orientation: self.orientation }
     }
 
-    /// Columns are its axes in the world.
+    /// Wall's axes in the world, as columns.
     pub fn frame(&self) -> Mat3 {
         self.pose().frame()
     }
@@ -399,13 +408,14 @@ impl Wall {
         self.facets.iter().map(move |facet| pose.place(facet))
     }
 
-    /// Has it a plane against which this direction leads, or a surface of triangles?
+    /// Whether the wall has triangles, or a plane against which this direction leads.
     pub fn holds_against(&self, direction: &Vec3) -> bool {
         self.mesh.is_some() || self.in_place().any(|plane| plane.normal.dot(direction) < 0.0)
     }
 
-    /// Does a part of it lie in another wall, nearer to it than a distance [m]? The other may be itself: then in another face. Cylinders and cones
-    /// do not.
+    /// Whether a part of the wall coincides with another wall within a distance [m].
+    ///
+    /// The other wall may be the wall itself: then the part coincides with another face. Cylinders and cones never coincide.
     pub fn lies_in(&self, other: &Self, tolerance: f64) -> bool {
         let planes: Vec<InPlace> = other.in_place().collect();
         let is_itself = std::ptr::eq(self, other);
@@ -436,7 +446,7 @@ impl Wall {
         triangles.into_iter().any(|corners| in_plane(&corners) || in_mesh(&corners))
     }
 
-    /// A point of its first facet, and the unit normal there towards the particles: what files say of it.
+    /// A point of the first facet, and its unit normal towards the particles, as written to files.
     pub fn surface(&self) -> (Vec3, Vec3) {
         let first = self.in_place().next();
         first.map_or((self.point, Vec3::zeros()), |InPlace { point, normal, offset }| {
@@ -444,7 +454,7 @@ impl Wall {
         })
     }
 
-    /// The torque on it about the point that it says [N m], from that about its reference point and the force on it [N].
+    /// Torque about the point of `TorqueAbout` [N m], from that about the reference point and the force on the wall [N].
     pub fn torque_of(&self, about_reference: &Vec3, force: &Vec3) -> Vec3 {
         match self.torque {
             Some(TorqueAbout::Fixed(point)) => about_reference + (self.point - point).cross(force),
@@ -452,51 +462,53 @@ impl Wall {
         }
     }
 
-    /// What it does on the particles with a force on it [N] and a torque about its reference point [N m], in W.
+    /// Power of the wall on the particles [W], from the force on it [N] and the torque about its reference point [N m].
     pub fn power(&self, force: &Vec3, torque: &Vec3) -> f64 {
         -(force.dot(&self.velocity) + torque.dot(&self.angular_velocity))
     }
 
-    /// Is it a conveyor belt?
+    /// Whether the wall is a conveyor belt.
     pub fn is_belt(&self) -> bool {
         self.surface_velocity != Vec3::zeros()
     }
 
-    /// Can it work on the particles, as it moves or is a belt?
+    /// Whether the wall can do work on the particles, because it moves or is a belt.
     pub fn may_work(&self) -> bool {
         self.moves || self.is_belt()
     }
 
-    /// Does it move now, or follow a course?
+    /// Whether the wall moves now, or has a prescribed motion.
     pub fn is_moving(&self) -> bool {
         self.course.is_some()
             || self.velocity != Vec3::zeros()
             || self.angular_velocity != Vec3::zeros()
     }
 
-    /// Does its scene turn it, now or at any time?
+    /// Whether the scene rotates the wall, now or later.
     pub fn may_turn(&self) -> bool {
         self.angular_velocity != Vec3::zeros() || self.turn_of_course().is_some()
     }
 
-    /// The axis about which its course turns it.
+    /// Axis of rotation of the prescribed motion.
     fn turn_of_course(&self) -> Option<Vec3> {
         let (axis, _) = self.course.as_ref()?.turn.as_ref()?;
         Some(*axis)
     }
 
-    /// Gives it a course, in place of constant velocities.
+    /// Sets a prescribed motion in place of constant velocities.
     pub fn follow(&mut self, course: Course) {
         (self.velocity, self.angular_velocity) = course.first_velocities();
         self.course = Some(course);
     }
 
-    /// Does it turn, or has it since the pairs were listed?
+    /// Whether the wall rotates, or has rotated since the pairs were listed.
     pub fn turns(&self) -> bool {
         self.may_turn() || self.orientation != self.listed.orientation
     }
 
-    /// How it stands across an axis and always will; `None` if it is tilted, turns out of its plane or has several facets.
+    /// Position across an axis, if the wall always stays in that plane.
+    ///
+    /// Returns `None` if the wall is tilted, rotates out of its plane or has several facets.
     pub fn across(&self) -> Option<Across> {
         let [facet] = &*self.facets else { return None };
         let InPlace { point, normal, offset } = self.pose().place(facet);
@@ -509,18 +521,19 @@ impl Wall {
         stays.then(|| Across { axis, inwards, place: point[axis] + inwards * offset })
     }
 
-    /// Does it stand otherwise than the scene says?
+    /// Whether the orientation differs from that in the scene.
     pub fn is_turned(&self) -> bool {
         self.orientation != Quat::identity()
     }
 
-    /// Takes note of where it stands when the pairs are listed.
+    /// Records the pose when the pairs are listed.
     pub(crate) const fn note_listing(&mut self) {
         self.listed = self.pose();
     }
 
-    /// Moves it to where it stands after `step` steps, of which the last took `dt` [s]. Returns how much nearer any of its
-    /// points can have come to a grain [m]; all grains have their centres within `room`.
+    /// Moves the wall to its pose after `step` steps, of which the last took `dt` [s].
+    ///
+    /// Returns the largest distance by which it can have come nearer to a particle [m]. All particles have their centres within `room`.
     pub(crate) fn advance(&mut self, step: u64, dt: f64, room: &Corners) -> f64 {
         let before = self.pose();
         if let Some(course) = &self.course {
@@ -537,7 +550,7 @@ impl Wall {
         }
         let (velocity, angular_velocity) = (self.velocity, self.angular_velocity);
         let mut steady = Steady { since: [step - 1; 2], from: before, velocity, angular_velocity };
-        // What does not lead here, as after a pause or with another step, is over.
+        // A motion that does not lead to the present pose, as after a pause or with another step, has ended.
         if let Some(so_far) = &self.steady {
             let there = so_far.pose(step - 1, dt);
             if so_far.velocity == velocity && there.point == before.point {
@@ -558,7 +571,7 @@ impl Wall {
         self.moved_since(&before, room)
     }
 
-    /// Goes on with another step after so many, of which the last took `before` [s].
+    /// Continues with another length of the step after `step` steps of `before` [s].
     pub fn change_step(&mut self, step: u64, before: f64) {
         let from = self.pose();
         self.steady = None;
@@ -571,13 +584,14 @@ impl Wall {
         (self.point, self.orientation) = (point, orientation);
     }
 
-    /// How much nearer its surface can have come to a grain since the pairs were listed [m]; all grains have their centres
-    /// within `room`. What slides along itself comes no nearer.
+    /// Largest distance by which the surface can have come nearer to a particle since the pairs were listed [m].
+    ///
+    /// All particles have their centres within `room`. A surface that slides along itself comes no nearer.
     pub fn nearer_since_listed(&self, room: &Corners) -> f64 {
         self.moved_since(&self.listed, room)
     }
 
-    /// The numbers of the facets of a mesh within a distance of a point [m].
+    /// Numbers of the facets of a mesh within a distance of a point [m].
     pub fn facets_near(&self, point: &Vec3, distance: f64) -> Vec<u32> {
         let Some(Mesh { surface, .. }) = &self.mesh else { return Vec::new() };
         surface.near(&self.frame().tr_mul(&(point - self.point)), distance)
@@ -586,7 +600,7 @@ impl Wall {
     fn moved_since(&self, before: &Pose, room: &Corners) -> f64 {
         if let Some(Mesh { surface, .. }) = &self.mesh {
             let turn = (self.orientation * before.orientation.inverse()).scaled_axis();
-            // The axis of a turn that is rounding is not known.
+            // The axis of a rotation within rounding is not known.
             let reach = if turn.norm() > LEAST_TURN {
                 surface.reach_about(&self.frame().tr_mul(&turn))
             } else {
@@ -598,8 +612,9 @@ impl Wall {
         most_moved(self.in_place().zip(before), room)
     }
 
-    /// How far its surface goes along its normal in a step of `dt` [s] with its velocities, where that is most within `room`
-    /// [m]. Along itself it may slide as fast as it likes.
+    /// Largest displacement of the surface along its normal within `room` in a step of `dt` [s] at the present velocities [m].
+    ///
+    /// Sliding of the surface along itself does not count.
     pub fn way(&self, dt: f64, room: &Corners) -> f64 {
         let mut largest = 0.0;
         if let Some(Mesh { surface, .. }) = &self.mesh {
@@ -624,7 +639,7 @@ impl Wall {
         largest
     }
 
-    /// Speed of its reference point towards the particles; of several facets, the largest; of triangles, in any direction [m/s].
+    /// Speed of the reference point towards the particles [m/s]: the largest of several facets; in any direction for triangles.
     pub fn speed_inwards(&self) -> f64 {
         if self.mesh.is_some() {
             return self.velocity.norm();
@@ -633,20 +648,20 @@ impl Wall {
         speeds.reduce(|a, b| if b.abs() > a.abs() { b } else { a }).unwrap_or(0.0)
     }
 
-    /// Its velocity if it goes towards the particles at a speed and along itself as it does [m/s]; of a wall of one plane.
+    /// Velocity with this speed towards the particles and the present velocity along the surface [m/s], for a wall of one plane.
     pub fn velocity_inwards(&self, speed: f64) -> Vec3 {
         let (_, normal) = self.surface();
         let along = self.velocity - normal * normal.dot(&self.velocity);
         normal * speed + along
     }
 
-    /// What a force on a wall of one plane [N] presses with, in N.
+    /// Normal part of a force on a wall of one plane [N], positive away from the particles.
     pub fn press(&self, force: &Vec3) -> f64 {
         let (_, normal) = self.surface();
         -force.dot(&normal)
     }
 
-    /// Is a part of a ball at, or behind, its surface? [m]
+    /// Whether a part of a ball is at or behind the surface [m].
     pub fn meets_ball(&self, centre: &Vec3, radius: f64) -> bool {
         if let Some(Mesh { surface, .. }) = &self.mesh {
             return surface.meets_ball(&self.frame().tr_mul(&(centre - self.point)), radius);
@@ -654,11 +669,11 @@ impl Wall {
         self.in_place().any(|facet| facet.distance(centre) < radius)
     }
 
-    /// How deep a box lies behind a facet, where it does most [m]; not positive if it does not.
+    /// Largest depth of a box behind a facet [m]; not positive if the box is in front.
     pub fn depth(&self, &(low, high): &Corners) -> f64 {
         let half = (high - low) * 0.5;
         if let Some(Mesh { surface, .. }) = &self.mesh {
-            // The box about the box, in the axes of the wall: the triangles behind which it lies.
+            // The box around the box, in the wall's axes: whether triangles enter it.
             let frame = self.frame();
             let centre = frame.tr_mul(&(low + half - self.point));
             let reach = frame.transpose().abs() * half;
@@ -669,20 +684,21 @@ impl Wall {
         self.in_place().map(behind).fold(f64::NEG_INFINITY, larger_or_infinite)
     }
 
-    /// How much of a box is before its planes, before all of which particles are: how far the farthest corner is before the plane
-    /// that leaves least [m]; `None` of triangles.
+    /// Distance of a box's farthest corner in front of the planes, for the plane that leaves the least [m]; `None` for triangles.
+    ///
+    /// Particles are in front of all planes.
     pub fn room_before(&self, &(low, high): &Corners) -> Option<f64> {
         let half = (high - low) * 0.5;
         let before = |facet: InPlace| half.dot(&facet.normal.abs()) + facet.distance(&(low + half));
         self.in_place().map(before).reduce(f64::min)
     }
 
-    /// Does one of its planes come towards the particles where it goes in this direction, a unit vector? Triangles do in any.
+    /// Whether one of the planes moves towards the particles in this direction, a unit vector. Always true for triangles.
     pub fn leads(&self, along: &Vec3) -> bool {
         self.mesh.is_some() || self.in_place().any(|facet| facet.normal.dot(along) > SQUARE_ON)
     }
 
-    /// Takes another reference point [m], that of its scene, and stays where it is.
+    /// Takes another reference point [m], that of the scene, without a change of the pose.
     pub fn refer_to(&mut self, point: Vec3) {
         let (frame, shift) = (self.frame(), self.point - point);
         for Facet { geometry, .. } in &mut self.facets {
@@ -696,7 +712,7 @@ impl Wall {
     }
 }
 
-/// The first wall, or image of a wall of triangles, that a ball is at or behind [m].
+/// First wall, or image of a wall of triangles, that a ball reaches or is behind [m].
 pub fn met_by<'a>(
     walls: impl IntoIterator<Item = &'a Wall>,
     cell: &Cell,
@@ -714,17 +730,17 @@ pub fn met_by<'a>(
     walls.into_iter().find(meets)
 }
 
-/// How far any facet has moved along its normal: now and before of each, where that is most within `room` [m].
+/// Largest displacement of a facet along its normal within `room` [m], from the present and the previous plane of each.
 fn most_moved(facets: impl Iterator<Item = (InPlace, InPlace)>, room: &Corners) -> f64 {
     facets.map(|(now, before)| now.moved(&before, room)).fold(0.0, larger_or_infinite)
 }
 
-/// The planes of all walls in place, in the order of their slots.
+/// Planes of all walls in place, in the order of their slots.
 pub fn facets(walls: &[Wall]) -> Vec<InPlace> {
     walls.iter().flat_map(Wall::in_place).collect()
 }
 
-/// The ids of the planes of all walls, in the order of their slots, which come before those of the facets of meshes.
+/// Ids of the planes of all walls, in the order of their slots, which come before those of the facets of meshes.
 pub fn ids(walls: &[Wall]) -> impl Iterator<Item = GlobalId> {
     let facets = walls.iter().map(|wall| 0..wall.facets.len()).enumerate();
     facets.flat_map(|(wall, facets)| facets.map(move |facet| GlobalId::facet(wall, facet)))
@@ -737,8 +753,9 @@ fn corners(&(low, high): &Corners) -> [Vec3; 8] {
     })
 }
 
-/// Where the room of the particles ends along an axis: at the innermost walls that stand across it [m];
-/// `None` on a side without one.
+/// Ends of the space of the particles along an axis: positions of the innermost walls across it [m].
+///
+/// `None` on a side without such a wall.
 pub fn ends(walls: &[Wall], axis: usize) -> [Option<f64>; 2] {
     let places = |inwards: f64| {
         let stands = walls.iter().filter_map(Wall::across);
@@ -748,8 +765,9 @@ pub fn ends(walls: &[Wall], axis: usize) -> [Option<f64>; 2] {
     [places(1.0).reduce(f64::max), places(-1.0).reduce(f64::min)]
 }
 
-/// Area on which the particles press against a wall across an axis: periods, or distances of walls, along
-/// both other axes [m²]; `None` if a side is open.
+/// Area on which the particles press against a wall across an axis [m²]; `None` if a side is open.
+///
+/// It is the product of the periods, or distances of walls, along the other axes.
 pub fn area(walls: &[Wall], cell: &Cell, axis: usize) -> Option<f64> {
     let between_walls = |axis| match ends(walls, axis) {
         [Some(low), Some(high)] => Some(high - low),
@@ -763,7 +781,7 @@ pub fn area(walls: &[Wall], cell: &Cell, axis: usize) -> Option<f64> {
     Some(width((axis + 1) % 3)? * width((axis + 2) % 3)?)
 }
 
-/// The box in which particles may be: the cell, and as far as walls have moved out of it [m].
+/// Box of the particles: the cell, extended by walls that have moved out of it [m].
 pub fn room(walls: &[Wall], cell: &Cell) -> Corners {
     let (mut low, mut high) = cell.corners();
     for Across { axis, inwards, place } in walls.iter().filter_map(Wall::across) {
@@ -776,29 +794,29 @@ pub fn room(walls: &[Wall], cell: &Cell) -> Corners {
     (low, high)
 }
 
-/// Do any two planes of walls face the same way?
+/// Whether any two planes of walls face the same way.
 pub(super) fn any_parallel(walls: &[Wall]) -> bool {
     let normals: Vec<Vec3> = walls.iter().flat_map(Wall::in_place).map(|p| p.normal).collect();
     (1..normals.len()).any(|k| normals[..k].iter().any(|other| normals[k].dot(other) > PARALLEL))
 }
 
-/// Columns of the slots of facets, besides those that all bodies have. Length: facets.
+/// Additional columns for the slots of facets. Length: facets.
 #[expect(clippy::struct_excessive_bools, reason = "each is asked for by itself")]
 #[derive(Clone, Debug, Default)]
 pub struct FacetColumns {
     /// Index of the wall.
     pub wall: Vec<u32>,
-    /// Where each stands.
+    /// Pose and number of each facet.
     pub place: Vec<FacetInPlace>,
-    /// Velocities of their surfaces against the walls, see [`Wall::surface_velocity`], world axes [m/s]; empty if no wall is a belt.
+    /// Velocities of the surfaces relative to their walls, see [`Wall::surface_velocity`], world axes [m/s]; empty if no wall is a belt.
     pub belts: Vec<Vec3>,
-    /// Did any wall move when they were placed?
+    /// Whether any wall moved when the columns were filled.
     pub any_moves: bool,
-    /// Does any wall turn?
+    /// Whether any wall rotates.
     pub any_turns: bool,
-    /// Do any two planes face the same way, so that they may lie in each other?
+    /// Whether any two planes face the same way, so that they may coincide.
     pub any_parallel: bool,
-    /// Must torques on walls be known: does any wall turn, or say about what?
+    /// Whether torques on walls are needed: any wall rotates or writes its torque.
     pub any_torque: bool,
 }
 
@@ -810,7 +828,7 @@ mod tests {
 
     const ROOM: Corners = (Vec3::new(-1.0, -2.0, -0.5), Vec3::new(0.5, 1.0, 1.0));
 
-    /// A wall of two planes somewhere, which moves and turns.
+    /// A wall of two random planes, which moves and rotates.
     fn moving(random: &mut Random) -> Wall {
         let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.signed());
         let planes = [0, 1].map(|_| (vector(1.0), vector(1.0).normalize()));
@@ -823,7 +841,7 @@ mod tests {
         wall.in_place().map(|facet| facet.distance(point)).collect()
     }
 
-    /// Against planes that are moved as the rotation of their wall says.
+    /// Comparison with planes moved by the rotation of their wall.
     #[test]
     fn planes_go_with_their_wall() {
         for id in 0..100 {
@@ -853,7 +871,7 @@ mod tests {
         }
     }
 
-    /// No grain in the room comes nearer than reported, and some come as near.
+    /// No particle in the room comes nearer than reported, and some come as near.
     #[test]
     fn nothing_comes_nearer_than_walls_say() {
         for id in 0..200 {
@@ -899,8 +917,8 @@ mod tests {
         assert!(table.way(1e-3, &ROOM) > 1e-3);
     }
 
-    /// A way and a turn come from the number of their steps, whatever was saved and taken up on the way; others begin where
-    /// they end.
+    /// Translation and rotation follow from the number of their steps, even if saved and restored on the way. Other motions begin where
+    /// these end.
     #[test]
     fn a_motion_is_counted_in_steps() {
         let axis = Vec3::new(0.48, 0.6, 0.64);
@@ -931,19 +949,19 @@ mod tests {
         wall.advance(501, 1e-3, &ROOM);
         assert_eq!(wall.orientation, rotation_about(&Vec3::z(), 1e-3) * turned);
         assert_eq!(wall.point, wall.velocity * (491.0 * 1e-3));
-        // A drive changes the velocity in each step; the turn goes on.
+        // A drive changes the velocity in each step; the rotation continues.
         for step in 502..=1000 {
             wall.velocity.x += 1e-3;
             wall.advance(step, 1e-3, &ROOM);
         }
         assert_eq!(wall.orientation, rotation_about(&Vec3::z(), 500.0 * 1e-3) * turned);
-        // After a pause in which nobody looked it goes on from where it stands.
+        // After a pause the motion continues from the present pose.
         let stood = wall.point;
         wall.advance(2000, 1e-3, &ROOM);
         assert_eq!(wall.point, stood + wall.velocity * 1e-3);
     }
 
-    /// After ten million steps a wall is where its velocity says, to rounding. Steps added up are a million times as far off.
+    /// After ten million steps the wall is where its velocity leads, within rounding. A sum of steps has a million times the error.
     #[test]
     fn a_wall_does_not_drift() {
         let mut wall = Wall::plane("wall".to_owned(), Vec3::x() * 0.1, Vec3::x());

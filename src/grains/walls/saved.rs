@@ -1,4 +1,4 @@
-//! What a snapshot holds of a wall, and how a wall goes on from it.
+//! Data of a wall in a snapshot, and how a wall continues from it.
 
 use super::{Corners, Following, Mesh, Steady, Wall, most_moved};
 use crate::math::{Quat, Vec3};
@@ -6,30 +6,30 @@ use crate::population::Library;
 use crate::shape::{HalfSpace, Shape};
 use serde::{Deserialize, Serialize};
 
-/// What a snapshot holds of a wall that is more than a plane through its reference point.
+/// Data of a wall in a snapshot, unless the wall is a plane through its reference point.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Saved {
     point: Vec3,
-    /// Where the scene has it [m].
+    /// Reference point in the scene [m].
     #[serde(default)]
     of_scene: Option<Vec3>,
     orientation: Quat,
     angular_velocity: Vec3,
-    /// Did its scene turn it?
+    /// Whether the scene rotated the wall.
     #[serde(default)]
     turns: Option<bool>,
     #[serde(default)]
     steady: Option<Steady>,
-    /// Of a course.
+    /// State of the prescribed motion.
     #[serde(default)]
     following: Option<Following>,
     facets: Vec<HalfSpace>,
-    /// Of its triangles, if it has any.
+    /// Triangles of the wall, if it has any.
     #[serde(default)]
     mesh: Option<SavedMesh>,
 }
 
-/// What a snapshot holds of the triangles of a wall besides their corners.
+/// Data of a wall's triangles in a snapshot, in addition to their corners.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct SavedMesh {
     checksum: u64,
@@ -47,17 +47,17 @@ impl SavedMesh {
 }
 
 impl Saved {
-    /// Is it the body of a wall of one plane?
+    /// Whether the wall has one plane.
     pub const fn is_one_plane(&self) -> bool {
         self.facets.len() == 1
     }
 
-    /// How many triangles it has.
+    /// Number of triangles.
     pub fn triangles(&self) -> usize {
         self.mesh.map_or(0, |mesh| mesh.triangles as usize)
     }
 
-    /// A triangle in place, from its corners in the axes of the wall [m].
+    /// A triangle in place, from its corners in the wall's axes [m].
     pub fn in_place(&self, corners: &[f64; 9]) -> [Vec3; 3] {
         [0, 3, 6].map(|k| {
             let corner = Vec3::new(corners[k], corners[k + 1], corners[k + 2]);
@@ -65,17 +65,17 @@ impl Saved {
         })
     }
 
-    /// A direction in the axes of the wall as it is in place.
+    /// Rotates a direction from the wall's axes to the world.
     pub fn turned(&self, direction: &Vec3) -> Vec3 {
         self.orientation.transform_vector(direction)
     }
 
-    /// How fast a point of it goes in place [m], of a wall whose reference point has a velocity [m/s].
+    /// Velocity of a point of the wall in place [m/s], from that of its reference point [m/s].
     pub fn velocity_at(&self, place: &Vec3, of_reference: &Vec3) -> Vec3 {
         of_reference + self.angular_velocity.cross(&(place - self.point))
     }
 
-    /// Its planes in place, each a point of it [m] and its unit normal, towards the particles.
+    /// Planes in place, each as a point [m] and the unit normal towards the particles.
     pub fn planes(&self) -> impl Iterator<Item = (Vec3, Vec3)> {
         self.facets.iter().map(|facet| {
             let normal = self.orientation.transform_vector(&facet.normal);
@@ -84,17 +84,17 @@ impl Saved {
     }
 }
 
-/// Of a stage that goes on.
+/// State of a stage that continues.
 #[derive(Clone, Copy, Debug)]
 pub struct StageSoFar {
-    /// Its steps until now [s].
+    /// Length of its previous steps [s].
     pub dt: f64,
-    /// The time since it began [s].
+    /// Time since it began [s].
     pub time: f64,
 }
 
 impl Wall {
-    /// What a snapshot must hold of it besides [`Wall::surface`] and its velocity, if anything.
+    /// Data for a snapshot in addition to [`Wall::surface`] and the velocity, if needed.
     pub fn saved(&self) -> Option<Saved> {
         let is_plain = self.course.is_none()
             && self.steady.is_none()
@@ -115,8 +115,9 @@ impl Wall {
         })
     }
 
-    /// Has it, in its axes, the facets of the wall of which a snapshot has a surface, as [`Wall::surface`] gives it, and perhaps
-    /// more?
+    /// Whether the wall has the same facets, in its axes, as a wall in a snapshot.
+    ///
+    /// The snapshot has a surface as [`Wall::surface`] gives it, and possibly more data.
     pub fn is_same(&self, (_, normal): &(Vec3, Vec3), saved: Option<&Saved>) -> bool {
         let mine = self.facets.iter().map(|facet| facet.geometry.normal);
         let triangles = |mesh: SavedMesh| (mesh.checksum, mesh.triangles);
@@ -130,11 +131,14 @@ impl Wall {
         }
     }
 
-    /// Goes on from where a snapshot of step `step` has it, with the velocities or the course of the scene, in which it stands now;
-    /// `goes_on` if steps are counted on and are as long as before. A course goes on within a
-    /// stage, of which `before` tells. If it begins to turn, or its scene has another reference point than before, that of
-    /// the scene is its own from here; else it keeps the one that it has. Returns how far it stands from where the scene has it, at most within
-    /// `room` [m], 0 for rounding; `None` if it is another wall, which stands where the scene says.
+    /// Continues from the state in a snapshot of step `step`, with the velocities or the prescribed motion of the scene.
+    ///
+    /// On entry the wall stands as in the scene. `goes_on` means that steps are counted on and have the same length. A prescribed motion continues
+    /// within a stage, which `before` describes. The wall keeps the reference point of the snapshot, except if it begins to rotate or its scene has
+    /// another reference point than before; then it takes that of the scene.
+    ///
+    /// Returns the largest distance from the pose in the scene within `room` [m], 0 within rounding. Returns `None` if it is another wall, which
+    /// stands as in the scene.
     pub fn go_on(
         &mut self,
         surface: &(Vec3, Vec3),
@@ -153,7 +157,7 @@ impl Wall {
                 self.point = saved.point;
                 self.orientation = saved.orientation;
                 self.steady = saved.steady.filter(|_| goes_on);
-                // Another course than before goes on from where the wall stands, like one of other steps.
+                // A changed motion continues from the present pose, as does one with another length of the step.
                 let leads_here = |following: &Following| {
                     let (course, stage) = self.course.as_ref().zip(before)?;
                     let pose = following.pose_at(course, following.time_at(step, stage.dt));
@@ -170,7 +174,7 @@ impl Wall {
                 let turns_about_another = self.may_turn() && begins_to_turn;
                 let (frame, shift) = (self.frame(), self.point - about);
                 if let (Some(mesh), Some(of_saved)) = (&mut self.mesh, saved.mesh) {
-                    // At once, not by way of the point before: what goes on from here has the same bits.
+                    // In one operation, not through the previous point: the continued run then has the same bits.
                     let moved =
                         if turns_about_another { frame.tr_mul(&shift) } else { Vec3::zeros() };
                     mesh.set_origin(of_saved.origin + moved);
@@ -191,7 +195,7 @@ impl Wall {
         }
         if self.course.is_some() && self.following.is_none() {
             let followed = saved.and_then(|saved| saved.following);
-            // One that is new within a stage keeps the time of the stage, too.
+            // A motion that is new within a stage also keeps the time of the stage.
             let time = before.map_or(0.0, |stage| {
                 followed.map_or(stage.time, |before| before.time_at(step, stage.dt))
             });

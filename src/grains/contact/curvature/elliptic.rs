@@ -1,17 +1,19 @@
-//! How much stiffer an elliptic contact is than the circular one of the same `Re = √(R' R'')`.
+//! Stiffness of an elliptic contact relative to the circular one of the same `Re = √(R' R'')`.
 //!
 //! `N = 4/3 E* √Re (δ / F2)^(3/2)` (Johnson 1985, *Contact Mechanics*, DOI 10.1017/CBO9781139171731, equations 4.26 to 4.32;
-//! Antoine, Visa, Sauvey and Abba 2006, DOI 10.1115/1.2345413). `F2^(-3/2)` follows from complete elliptic integrals of the
-//! axes' ratio of the contact ellipse, and that from `R'/R''` by an equation without a closed solution. It is a smooth
-//! function of `m = (1/R' + 1/R'') / (2 √(1/R' 1/R''))`, as `R'` and `R''` may be exchanged. In `z = 2 / (1 + m)` a quotient of two
-//! polynomials of degree 10 has it to 5e-14, up to `R'/R''` = 10⁴ ([`LARGEST_RATIO`]): it was made to be exact in 21 places, with 60
-//! digits; `tests/contact/curvature.rs` has it against integrals. Beyond it is off by 1e-9 at 2·10⁴.
+//! Antoine, Visa, Sauvey and Abba 2006, DOI 10.1115/1.2345413). `F2^(-3/2)` follows from complete elliptic integrals of the axis
+//! ratio of the contact ellipse. That ratio follows from `R'/R''` by an equation without a closed solution.
+//!
+//! `F2^(-3/2)` is a smooth function of `m = (1/R' + 1/R'') / (2 √(1/R' 1/R''))`, as `R'` and `R''` may be exchanged. In
+//! `z = 2 / (1 + m)`, a quotient of two polynomials of degree 10 approximates it to 5e-14 up to `R'/R''` = 10⁴ ([`LARGEST_RATIO`]).
+//! The error is 1e-9 at 2·10⁴. The quotient is exact at 21 points and was computed with 60 digits.
+//! `tests/contact/curvature.rs` compares it with integrals.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
 use crate::lanes::Lanes;
 
-/// `R'/R''` up to which the fit holds.
+/// Largest `R'/R''` for which the fit holds.
 pub const LARGEST_RATIO: f64 = 1e4;
 
 /// Coefficients of the numerator, lowest power first.
@@ -29,7 +31,7 @@ const ABOVE: [f64; 11] = [
     0.005_518_034_044_896_735,
 ];
 
-/// The same of the denominator.
+/// Coefficients of the denominator, lowest power first.
 const BELOW: [f64; 11] = [
     6.150_149_801_472_2e-10,
     6.676_344_860_823_275e-7,
@@ -56,7 +58,7 @@ fn polynomial<L: Lanes>(coefficients: &[f64; 11], z: L) -> [L; 2] {
     [value * z + L::all(coefficients[0]), derivative]
 }
 
-/// `F2^(-3/2)`, and the derivative of its logarithm by `m`, from `z`.
+/// `F2^(-3/2)`, and the derivative of its logarithm with respect to `m`, from `z`.
 #[inline(always)]
 pub(super) fn stiffening<L: Lanes>(z: L) -> [L; 2] {
     let [above, above_by_z] = polynomial(&ABOVE, z);

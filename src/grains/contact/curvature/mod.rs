@@ -1,37 +1,39 @@
-//! How curved two bodies are where they touch: what Hertz's law asks for.
+//! Curvature of two bodies at their contact, as Hertz's law needs it.
 //!
 //! # The radius of a contact
 //!
-//! With `h` the support function of a body, its second derivatives `H` on the plane across the normal are the inverse of its shape
-//! operator, radii of curvature in place of curvatures. Those of both bodies are taken in one frame of that plane; the relative
-//! curvature is `K = H_A⁻¹ + H_B⁻¹`, of a body on a plane `H_A⁻¹`. Its eigenvalues are `1/R'` and `1/R''` (Johnson 1985, *Contact
-//! Mechanics*, DOI 10.1017/CBO9781139171731, section 4.1), and the contact is as stiff as that of a sphere of radius
+//! `h` is the support function of a body. Its second derivatives `H` on the plane across the normal are the inverse of the shape
+//! operator: radii of curvature in place of curvatures. `H` of both bodies is taken in one frame of that plane. The relative
+//! curvature is `K = H_A⁻¹ + H_B⁻¹`, or `H_A⁻¹` for a body on a plane. Its eigenvalues are `1/R'` and `1/R''` (Johnson 1985,
+//! *Contact Mechanics*, DOI 10.1017/CBO9781139171731, section 4.1). The contact is as stiff as that of a sphere of radius
 //! `R = √(R' R'') / F2³` on a plane ([`stiffening_of_ratio`]). This holds for any angle between the axes of both bodies.
 //!
 //! # The rest of the gradient
 //!
-//! The elastic energy `U = 8/15 E* √R δ^(5/2)` depends on where the bodies touch, not on the overlap alone. Without the forces that
-//! belong to that, an oblique impact of ellipsoids would gain or lose `1.5 δ/R` of its energy at any step. With the
-//! derivatives of `H` along the surface they have closed forms. Let
+//! The elastic energy `U = 8/15 E* √R δ^(5/2)` depends on the position of the contact, not on the overlap alone. Without the forces
+//! of that dependence, an oblique impact of ellipsoids would gain or lose `1.5 δ/R` of its energy at any time step. With the
+//! derivatives of `H` along the surface these forces have closed forms:
 //!
-//! - `c_A`, `c_B` be how `ln √R` changes through `H_A` and `H_B` when the normal turns with both bodies at rest, and `c` their sum;
-//! - `q = W⁻¹ c` with `W = H_A + H_B - δ`: the normal turns by `W⁻¹ dr` when the centres move by `dr` across it. Here and in `d` `H` is that at the normal,
-//!   also where `R` follows from an average;
+//! - `c_A`, `c_B` are the changes of `ln √R` through `H_A` and `H_B` when the normal turns with both bodies at rest; `c` is their sum;
+//! - `q = W⁻¹ c` with `W = H_A + H_B - δ`: the normal turns by `W⁻¹ dr` when the centres move by `dr` across it. `H` is that at the
+//!   normal here and in `d`, also where `R` follows from an average;
 //! - `d = ((c_B - H_B q) - (c_A - H_A q)) / 2`;
 //! - `w = -2 (N H_B⁻¹ - H_B⁻¹ N)₁₂` with `N = ∂ ln √R / ∂K`: twisting one ellipse against the other.
 //!
-//! Then `-U q` acts on B in the contact point beside the force along the normal, and the moment `U (n × d - w n)` about it; on A
-//! the opposite. On a plane `q = 0`, `d = -c` and `w = 0`. The force is of the order of `0.2 δ/R` of the normal force. Momentum
-//! and angular momentum are conserved, and energy as well as the integrator can.
+//! In addition to the force along the normal, the force `-U q` acts on B in the contact point, and the moment `U (n × d - w n)` about
+//! it. A receives the opposite. On a plane `q = 0`, `d = -c` and `w = 0`. The force is of the order of `0.2 δ/R` of the normal force.
+//! Momentum and angular momentum are conserved; energy is conserved to the accuracy of the integrator.
 //!
 //! # Shapes
 //!
-//! Ellipsoids and spheres go eight at once, with their exact derivatives: with `v` the part of the support point across the normal,
-//! `∂H_ij/∂k = -(H_ij v_k + H_jk v_i + H_ik v_j) / h`. Superellipsoids and their octants have flat sides and sharp crests, over which radii of curvature
-//! change a thousandfold within a thousandth of a radian. A contact is wider than that: their `H` is an average over 0.1 rad around the normal,
-//! `H = 2 / (N sin τ) Σ x(n cos τ + u sin τ) ⊗ u` over eight directions `u` across the normal, with `x` the support point; a sphere and a plane have
-//! their own by it. Its derivatives follow from those of `x`. No radius is more than some ten bounding radii so; `√(H² + s²)` keeps them above
-//! [`SHARPEST`] of it.
+//! Ellipsoids and spheres are computed eight at once, with exact derivatives. With `v` the part of the support point across the
+//! normal, `∂H_ij/∂k = -(H_ij v_k + H_jk v_i + H_ik v_j) / h`.
+//!
+//! Superellipsoids and their octants have flat sides and sharp crests, where radii of curvature change a thousandfold within a
+//! thousandth of a radian. A contact is wider than that, so their `H` is an average over 0.1 rad around the normal:
+//! `H = 2 / (N sin τ) Σ x(n cos τ + u sin τ) ⊗ u` over eight directions `u` across the normal, with `x` the support point. The average
+//! is exact for a sphere and a plane. Its derivatives follow from those of `x`. It bounds the radii to some ten bounding radii;
+//! `√(H² + s²)` keeps them above [`SHARPEST`] of the bounding radius.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -47,24 +49,24 @@ use crate::lanes::{
 use crate::math::{Mat3, Vec3, directions};
 use crate::shape::{Ellipsoid, Form, Shape};
 
-/// The least radius of curvature of bodies that have edges or crests, over their bounding radius.
+/// Least radius of curvature of bodies with edges or crests, over their bounding radius.
 pub const SHARPEST: f64 = 0.01;
 
-/// What Hertz's law must know of a contact beside its overlap.
+/// Data of a contact that Hertz's law needs in addition to its overlap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Curvature {
     /// Root of the radius of a sphere that would be as stiff on a plane [√m].
     pub root_of_radius: f64,
-    /// Force on B beside that along the normal, over the elastic energy [1/m].
+    /// Force on B in addition to that along the normal, over the elastic energy [1/m].
     pub force: Vec3,
     /// Moment on B about the contact point, over the elastic energy [-].
     pub moment: Vec3,
-    /// For rows of four.
+    /// Padding to two rows of four.
     rest: f64,
 }
 
-/// The same of several contacts.
+/// Curvatures of several contacts.
 #[derive(Clone, Copy)]
 pub struct Curvatures<L> {
     /// See [`Curvature::root_of_radius`].
@@ -76,7 +78,7 @@ pub struct Curvatures<L> {
 }
 
 impl<L: Eight> Curvatures<L> {
-    /// Of eight places in memory.
+    /// Loads eight curvatures from memory.
     #[inline(always)]
     pub fn of(rows: &[&Curvature; WIDTH]) -> Self {
         let mut halves = [[&[0.0; 4]; WIDTH]; 2];
@@ -90,14 +92,13 @@ impl<L: Eight> Curvatures<L> {
     }
 }
 
-/// Of touching pairs in the order in which they stand, all with walls or none; `into` gets one for each.
+/// Finds the curvature of touching pairs in their order, one entry of `into` each. Either all pairs are with walls or none is.
 pub fn find(bodies: &Bodies, pairs: &[Pair], geometry: &[Geometry], into: &mut Vec<Curvature>) {
-    // Those of before are written over.
     into.resize(pairs.len(), Curvature::default());
     lanes::dispatch(All { bodies, pairs, geometry, into });
 }
 
-/// Of one pair of smooth bodies, or of one and a plane, for their common normal and overlap [m]. Not a number of others.
+/// Curvature of one pair of smooth bodies, or of one and a plane, for their common normal and overlap [m]; NaN for other bodies.
 pub fn of_pair(a: &Posed, b: &Posed, normal: &Vec3, overlap: f64) -> Curvature {
     let frame = Frame::of(Triple { x: normal.x, y: normal.y, z: normal.z });
     let on_a = surface_of(a, normal, &frame, 1.0);
@@ -111,8 +112,7 @@ pub fn of_pair(a: &Posed, b: &Posed, normal: &Vec3, overlap: f64) -> Curvature {
     Curvature { root_of_radius, force: vector(force), moment: vector(moment), rest: 0.0 }
 }
 
-/// Root of the radius of the stiffest contact that a shape can have, where it is the flattest and on a plane [√m]; not a number
-/// of shapes that are not smooth.
+/// Root of the radius of the stiffest contact of a shape, at its flattest point on a plane [√m]; NaN for shapes that are not smooth.
 pub fn flattest(shape: &Shape) -> f64 {
     let frame = Mat3::identity();
     let body = Posed::new(shape, &frame);
@@ -126,8 +126,9 @@ pub fn flattest(shape: &Shape) -> f64 {
     axes.chain(directions()).map(|normal| root(&normal)).fold(f64::NAN, f64::max)
 }
 
-/// Two unit vectors across a normal, with which it makes a right-handed frame. That of the opposite normal has the second of
-/// them reversed, bit by bit.
+/// Two unit vectors across a normal that form a right-handed frame with it.
+///
+/// For the opposite normal the second of them is reversed, bit by bit.
 #[derive(Clone, Copy)]
 struct Frame<L> {
     normal: Triple<L>,
@@ -135,7 +136,7 @@ struct Frame<L> {
 }
 
 impl<L: Lanes> Frame<L> {
-    /// Duff et al. (2017), "Building an orthonormal basis, revisited".
+    /// Orthonormal frame by Duff et al. (2017), "Building an orthonormal basis, revisited".
     #[inline(always)]
     fn of(normal: Triple<L>) -> Self {
         let (zero, one) = (L::all(0.0), L::all(1.0));
@@ -160,19 +161,19 @@ impl<L: Lanes> Frame<L> {
 /// A symmetric matrix on the plane across the normal: 11, 12, 22.
 type Flat<L> = [L; 3];
 
-/// How a body is curved along a normal.
+/// Curvature of a body along a normal.
 #[derive(Clone, Copy)]
 struct Surface<L> {
-    /// Its radii of curvature `H`, of a body with crests an average [m].
+    /// Radii of curvature `H` [m], averaged for a body with crests.
     radii: Flat<L>,
-    /// How far the support point moves when the normal turns: `H` at the normal [m].
+    /// Displacement of the support point per turn of the normal [m]: `H` at the normal.
     moves: Flat<L>,
-    /// By how much they change when the normal turns towards the first vector across, and towards the second [m].
+    /// Changes of the radii when the normal turns towards the first and the second vector across it [m].
     change: [Flat<L>; 2],
 }
 
 impl<L: Lanes> Surface<L> {
-    /// Of an ellipsoid, from its matrix [m²]; not a number of others.
+    /// Curvature of an ellipsoid from its matrix [m²]; NaN for other shapes.
     #[inline(always)]
     fn of_form(form: &Symmetric<L>, frame: &Frame<L>) -> Self {
         let Frame { normal, across: [first, second] } = frame;
@@ -210,13 +211,13 @@ fn determinant<L: Lanes>([a, b, c]: Flat<L>) -> L {
     a * c - b * b
 }
 
-/// The inverse, from that of the determinant.
+/// Inverse of a matrix, from the inverse of its determinant.
 #[inline(always)]
 fn inverse<L: Lanes>([a, b, c]: Flat<L>, by: L) -> Flat<L> {
     [c * by, (L::all(0.0) - b) * by, a * by]
 }
 
-/// Times a vector.
+/// Product with a vector.
 #[inline(always)]
 fn times<L: Lanes>([a, b, c]: Flat<L>, [x, y]: [L; 2]) -> [L; 2] {
     [a * x + b * y, b * x + c * y]
@@ -234,7 +235,7 @@ fn between<L: Lanes>(a: Flat<L>, [p, q]: [L; 2], k: Flat<L>) -> Flat<L> {
     ]
 }
 
-/// Of the surfaces of A and B, or of A and a plane, at an overlap [m].
+/// Relative curvature from the surfaces of A and B, or of A on a plane, at an overlap [m].
 #[inline(always)]
 fn relative<L: Lanes>(
     a: &Surface<L>,
@@ -243,7 +244,7 @@ fn relative<L: Lanes>(
     frame: &Frame<L>,
 ) -> Curvatures<L> {
     let (zero, one, two, half) = (L::all(0.0), L::all(1.0), L::all(2.0), L::all(0.5));
-    // Divisions take longer than all else: one for two.
+    // Divisions are the slowest operation here: one is shared by both determinants.
     let of_a = determinant(a.radii);
     let (curved_a, curved_b) = if let Some(b) = b {
         let of_b = determinant(b.radii);
@@ -266,7 +267,7 @@ fn relative<L: Lanes>(
     let from_a = a.contracted(between(curved_a, [p, q], sum));
     let Some(b) = b else {
         let [x, y] = from_a;
-        // n × d with d = -c, and this is -c.
+        // The moment is n × d with d = -c, and `from_a` is -c.
         return Curvatures {
             root_of_radius,
             force: Triple::zero(),
@@ -274,7 +275,7 @@ fn relative<L: Lanes>(
         };
     };
     let from_b = b.contracted(between(curved_b, [p, q], sum));
-    // With the other sign, as H⁻¹ falls when H grows.
+    // With the opposite sign, as H⁻¹ decreases when H grows.
     let total = [from_a[0] + from_b[0], from_a[1] + from_b[1]];
     let w = [
         a.moves[0] + b.moves[0] - overlap,
@@ -295,7 +296,7 @@ fn relative<L: Lanes>(
     Curvatures { root_of_radius, force: frame.vector(slope), moment }
 }
 
-/// The matrix of what is an ellipsoid, under whatever name; not a number of others.
+/// Matrix of an ellipsoid, also of a superellipsoid that is one [m²]; NaN for other shapes.
 fn form_of(body: &Posed) -> Form {
     let square = body.scale * body.scale;
     let form = match body.shape {
@@ -310,7 +311,7 @@ fn form_of(body: &Posed) -> Form {
     form.map(|entry| entry * square)
 }
 
-/// Radii of curvature are averaged over so much to all sides of the normal [rad]: where the surface has bent by an overlap of a hundredth.
+/// Angle around the normal over which radii of curvature are averaged [rad]: the turn of the surface across a contact with an overlap of a hundredth.
 pub const WIDTH_OF_CONTACT: f64 = 0.1;
 /// `√½`
 const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
@@ -325,12 +326,12 @@ const AROUND: [[f64; 2]; 8] = [
     [0.0, -1.0],
     [DIAGONAL, -DIAGONAL],
 ];
-/// For differences: a part of a change of radii.
+/// Relative step of the finite differences of `bounded`.
 const SMALL: f64 = 1e-4;
 /// Size of the fourth power below which a normal counts as a corner of the cube, see [`fourfold`] [-].
 const AT_CORNER: f64 = 1e-9;
 
-/// Of one body, along the normal or, with a `side` of -1, against it.
+/// Surface of one body along the normal, or against it with a `side` of -1.
 fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Surface<f64> {
     let form @ [xx, yy, zz, xy, xz, yz] = form_of(body);
     if form.iter().all(|entry| entry.is_finite()) {
@@ -349,9 +350,10 @@ fn surface_of(body: &Posed, normal: &Vec3, frame: &Frame<f64>, side: f64) -> Sur
     Surface { radii: bounded(radii, least), moves: moves(body, &direction, &across), change }
 }
 
-/// Radii of curvature of a body along a unit vector in its own axes, and by how much they change when that turns towards two others across it [m]:
-/// what support points around it say. With the first of them that makes a right-handed frame, or with a `side` of -1 a left-handed one. Not numbers if it
-/// has edges.
+/// Averaged radii of curvature of a body along a unit vector in its own axes, and their changes when it turns towards `across` [m].
+///
+/// The radii follow from support points around the direction. The direction and `across` form a right-handed frame, or a left-handed
+/// one with a `side` of -1. The result is NaN for bodies with edges.
 fn averaged(body: &Posed, direction: &Vec3, across: &[Vec3; 2], side: f64) -> [Flat<f64>; 3] {
     let (sine, cosine) = (libm::sin(WIDTH_OF_CONTACT), libm::cos(WIDTH_OF_CONTACT));
     let (around, twists) = fourfold(direction, across, side);
@@ -380,11 +382,13 @@ fn averaged(body: &Posed, direction: &Vec3, across: &[Vec3; 2], side: f64) -> [F
     found.map(|of| of.map(|sum| sum * factor))
 }
 
-/// Two unit vectors across a normal in the axes of a body, and by how much they turn about it when it turns towards each of those `across` [-].
-/// `Σ (u·e_i)⁴` over the axes `e_i` has a part with `cos 4φ` when `u` goes around the normal by `φ`: the first vector is at a maximum of that part. So the
-/// eight directions do not depend on the names of the axes. They change smoothly with the normal, but at the eight corners of a cube, where that part is 0.
+/// Two unit vectors across a normal in the axes of a body, and their turns about it when it turns towards each of `across` [-].
+///
+/// When `u` turns around the normal by `φ`, `Σ (u·e_i)⁴` over the axes `e_i` has a part with `cos 4φ`. The first vector is at a maximum
+/// of that part, so the eight directions do not depend on the names of the axes. They change smoothly with the normal, except at the
+/// eight corners of a cube, where that part is 0.
 fn fourfold(normal: &Vec3, across: &[Vec3; 2], side: f64) -> ([Vec3; 2], [f64; 2]) {
-    // With τ_i the parts of the axes as complex numbers: Σ τ_i⁴ has four times the angle, and its derivatives are -4 Σ τ_i³ n_i and i times that.
+    // τ_i are the parts of the axes as complex numbers. Σ τ_i⁴ has four times the angle; its derivatives are -4 Σ τ_i³ n_i and i times that.
     let times = |[a, b]: [f64; 2], [c, d]: [f64; 2]| [a * c - b * d, a * d + b * c];
     let (mut fourth, mut slope) = ([0.0; 2], [0.0; 2]);
     for axis in 0..3 {
@@ -407,7 +411,7 @@ fn fourfold(normal: &Vec3, across: &[Vec3; 2], side: f64) -> ([Vec3; 2], [f64; 2
     ([across[0] * cosine + across[1] * sine, second], twists)
 }
 
-/// How far the support point moves across a unit vector in the body's axes when that turns [m]; not a number if it has edges.
+/// Displacement of the support point across a unit vector in the body's axes when that turns [m]; NaN if the body has edges.
 fn moves(body: &Posed, direction: &Vec3, across: &[Vec3; 2]) -> Flat<f64> {
     let Some(support) = body.shape.curved_support(direction) else { return [f64::NAN; 3] };
     let [first, second] = across.map(|t| support.hessian_times(&t) * body.scale);
@@ -487,7 +491,7 @@ impl Kernel for All<'_, '_> {
     }
 }
 
-/// The matrices of eight ellipsoids or spheres in place, made if nobody keeps them; not numbers of others [m²].
+/// Matrices of eight ellipsoids or spheres in place [m²], computed where none are stored; NaN for other shapes.
 #[inline(never)]
 fn forms_in_place(bodies: &Bodies, slots: Gather) -> [Form; WIDTH] {
     let mut all = [[f64::NAN; 6]; WIDTH];
@@ -503,7 +507,7 @@ fn forms_in_place(bodies: &Bodies, slots: Gather) -> [Form; WIDTH] {
     all
 }
 
-/// Of a pair that is none of ellipsoids.
+/// Curvature of a pair that is not of two ellipsoids.
 #[inline(never)]
 fn alone(bodies: &Bodies, pair: Pair, geometry: &Geometry) -> Curvature {
     let frames = bodies.frames(pair);
@@ -526,8 +530,8 @@ mod tests {
         bytemuck::cast_slice(all).to_vec()
     }
 
-    /// With and without vector registers, in any company, whether matrices are kept or made; with the names of both bodies
-    /// exchanged forces and moments are the opposite, bit by bit.
+    /// Same bits with and without vector registers, in any company, and with stored or computed matrices. With A and B exchanged, forces
+    /// and moments are the opposite, bit by bit.
     #[test]
     fn lanes_give_the_same_bits_everywhere() {
         let library = [

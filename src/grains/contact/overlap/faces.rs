@@ -1,15 +1,14 @@
-//! The thickness of what two bodies share, and its gradient: force, moment, where they act.
+//! Thickness of the volume that two bodies share, and its gradient: force, moment and point of action.
 //!
 //! # Definition
 //!
-//! Let `P` be the set of points that both bodies hold, a convex polyhedron with volume `V`, centroid `c` and covariance
+//! Let `P` be the set of points that belong to both bodies, a convex polyhedron with volume `V`, centroid `c` and covariance
 //! `C = 1/V ∫_P (x - c)(x - c)ᵀ dV`. Its thickness is
 //!
 //! `D = √(12 s)`, `s = 1 / tr(C⁻¹) = det C / tr(cof C)`.
 //!
-//! A plate of any outline much wider than its thickness `t` has one small eigenvalue `t²/12`, so that `D = t`: for faces
-//! that are flush, `D` is the overlap, whatever their area. The elastic energy of a contact of stiffness `k` is
-//! `U = k D² / 2`, and force and moment are its gradient.
+//! A plate of any outline much wider than its thickness `t` has one small eigenvalue `t²/12`, so that `D = t`. For flush faces, `D` is the
+//! overlap, whatever their area. The elastic energy of a contact of stiffness `k` is `U = k D² / 2`; force and moment are its gradient.
 //!
 //! # Gradient
 //!
@@ -27,31 +26,30 @@
 //!
 //! `F = -Σ n ∫ q dA`, `T = -Σ ∫ q x × n dA` over the facets from A.
 //!
-//! If all of `P` moves, `D` does not change: both integrals over its whole surface are zero. The facets of B therefore
-//! give the opposite force and moment, and momentum and angular momentum are conserved. `U` is continuous, and goes to 0 with
-//! the overlap, so that no closed path gains energy.
+//! If all of `P` moves, `D` does not change: both integrals over its whole surface are zero. The facets of B therefore give the opposite
+//! force and moment, and momentum and angular momentum are conserved. `U` is continuous and goes to 0 with the overlap, so no closed path
+//! gains energy.
 //!
-//! `q` is a quadratic function, and each facet is cut into triangles: with `w` linear on a triangle the integrals of
-//! `q` and `x q` are exact.
+//! `q` is a quadratic function. Each facet is cut into triangles, on which `w` is linear, so the integrals of `q` and `x q` are exact.
 //!
-//! # What it is, and what it is not
+//! # Properties
 //!
-//! - A strip of width `L` that is tilted by `θ` with the depth `d` in its middle has `D² = d² + θ² L² / 4`
-//!   for `θ <= 2 d / L`: the force is `k d`, the moment `k θ L² / 4`, so that the centre of force moves steadily from the
-//!   middle to the deep edge, and reaches it when the other edge lifts off.
-//! - An edge on a face has the stiffness `k / 2`, a corner of a box `0.30 k`, the tip of a regular tetrahedron `0.15 k`, a
-//!   thin cap of a sphere `2/3 k`: `D` is the depth of no single point. Area does not matter: two grains that share a
-//!   quarter of a face press like two that share all of it.
-//! - Once the thinner body is swallowed, `D` stays at its thickness and nothing presses any more.
+//! - A strip of width `L`, tilted by `θ` with the depth `d` in its middle, has `D² = d² + θ² L² / 4` for `θ <= 2 d / L`. The force is `k d`
+//!   and the moment `k θ L² / 4`. The centre of force moves steadily from the middle to the deep edge, and reaches it when the other edge
+//!   lifts off.
+//! - An edge on a face has the stiffness `k / 2`, a corner of a box `0.30 k`, the tip of a regular tetrahedron `0.15 k`, a thin cap of a
+//!   sphere `2/3 k`: `D` is not the depth of a single point. The area has no influence: two particles that share a quarter of a face press
+//!   like two that share all of it.
+//! - Once the thinner body is inside the other, `D` stays at its thickness and there is no force.
 //! - Sliding along faces changes `D` by the order of `(D/L)² D`.
 //!
-//! # Relatives
+//! # Related work
 //!
 //! No publication of this energy was found. Every energy that depends on the pose alone conserves energy (Feng 2021,
-//! DOI 10.1016/j.cma.2020.113454; of the volume: DOI 10.1016/j.cma.2020.113493). Volume and inertia of the overlap, with
-//! forces that come from no such energy, are used by Gonthier (2007, *Contact dynamics modelling for robotic task
-//! simulation*, thesis, University of Waterloo) and, with the extent of the contact patch from its second moments, by
-//! Bouchard et al. (2015, *6D frictional contact for rigid bodies*, Graphics Interface).
+//! DOI 10.1016/j.cma.2020.113454; with the volume: DOI 10.1016/j.cma.2020.113493). Gonthier (2007, *Contact dynamics modelling for robotic
+//! task simulation*, thesis, University of Waterloo) uses volume and inertia of the overlap, with forces that derive from no such energy.
+//! Bouchard et al. (2015, *6D frictional contact for rigid bodies*, Graphics Interface) add the extent of the contact patch from its second
+//! moments.
 
 use super::thickness::{THIN, Thickness, size_of_both};
 use crate::contact::Posed;
@@ -61,19 +59,20 @@ use crate::shape::clip::Clipped;
 use crate::shape::facets::{Facets, Plane};
 use std::cell::RefCell;
 
-/// A force whose axis lies farther from the centroid than this many times the radius of what is shared is none: the
-/// bodies are so deep in each other that hardly anything but a moment is left.
+/// Largest distance of a force's axis from the centroid, over the radius of the shared volume.
+///
+/// Beyond it the bodies are so deep in each other that hardly anything but a moment is left, and there is no contact.
 pub(super) const FAR: f64 = 2.0;
 
-/// Room for what is cut, kept from one pair to the next.
+/// Working memory for clipping, kept from one pair to the next.
 #[derive(Default)]
 struct Scratch {
     shared: Clipped,
-    /// Vertices that are left, about one of them, in axes of which the third is across what is shared.
+    /// Vertices that are left, relative to one of them, in axes of which the third is across the shared volume.
     local: Vec<Vec3>,
     /// `K (x - c)` of the vertices.
     turned: Vec<Vec3>,
-    /// The planes of B about the centre of A.
+    /// Planes of B about the centre of A.
     planes: Vec<Plane>,
 }
 
@@ -81,10 +80,10 @@ thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
-/// Of two bodies of which the first has faces and the second has faces or is a half-space, see [`super::thickness()`].
+/// Thickness for two bodies of which the first has faces and the second has faces or is a half-space, see [`super::thickness()`].
 ///
-/// Everything is computed in the axes and with the unit of length of A. The two orders of a pair agree but for
-/// rounding, and where faces coincide, not even so: callers pass the body with the lower id first.
+/// Everything is computed in the axes and with the unit of length of A. The two orders of a pair agree only within rounding, and differ more
+/// where faces coincide. Callers pass the body with the lower id first.
 pub(super) fn of_faces(a: &Posed, b: &Posed, r: &Vec3) -> Option<Thickness> {
     SCRATCH.with_borrow_mut(|scratch| {
         let size = scratch.share(a, b, r)?;
@@ -103,7 +102,7 @@ pub(super) fn shared(a: &Posed, b: &Posed, r: &Vec3) -> Option<Clipped> {
 }
 
 impl Scratch {
-    /// Finds what two bodies share; returns the size of both, in the unit of length of A.
+    /// Finds the shared volume; returns the size of both bodies in the unit of length of A.
     fn share(&mut self, a: &Posed, b: &Posed, r: &Vec3) -> Option<f64> {
         let body = a.shape.facets()?;
         let per_metre = 1.0 / a.scale;
@@ -120,7 +119,7 @@ impl Scratch {
         Some(size_of_both(size, other.bounding_radius() * scale))
     }
 
-    /// Cuts a body by a half-space that holds what is below its plane.
+    /// Cuts a body by a half-space that contains the points below its plane.
     fn against_plane(
         &mut self,
         body: &Facets,
@@ -134,7 +133,7 @@ impl Scratch {
         self.shared.cut(&Plane { normal, offset: offset + normal.dot(r) }).then_some(())
     }
 
-    /// Cuts a body by the planes of another: first by that from which its centre is the farthest, as that leaves a slab.
+    /// Cuts a body by the planes of another, first by the one for which the body's centre is farthest outside, which leaves a slab.
     fn against_body(
         &mut self,
         body: &Facets,
@@ -166,7 +165,7 @@ impl Scratch {
         Some(())
     }
 
-    /// A ball that holds what is left.
+    /// A ball that contains what is left.
     fn ball(&self) -> (Vec3, f64) {
         let left = || self.shared.left().iter().map(|&k| &self.shared.vertices()[k as usize]);
         let centre = left().sum::<Vec3>() / self.shared.left().len() as f64;
@@ -174,7 +173,7 @@ impl Scratch {
         (centre, left().map(squared).fold(0.0, f64::max).sqrt())
     }
 
-    /// Thickness of what is shared, and its gradient, in the axes of A.
+    /// Thickness of the shared volume, and its gradient, in the axes of A.
     fn measure(&mut self, size: f64) -> Option<Thickness> {
         self.shared.end();
         let by_cuts = self.has_fewer_cuts()?;
@@ -190,7 +189,7 @@ impl Scratch {
 
         let (s, k) = thinness(&covariance)?;
         let thickness = (12.0 * s).sqrt();
-        // A number that is none ends here, too.
+        // False for NaN as well.
         let is_thick = thickness > THIN * size;
         if !is_thick {
             return None;
@@ -226,12 +225,12 @@ impl Scratch {
         (cut > 0 && cut < all).then_some(2 * cut <= all)
     }
 
-    /// Axes, as columns, of which the third is along the vector area of the facets of A: there the second moments of a
-    /// thin plate do not lose their small one in the large ones. `None` if they have no
-    /// area.
+    /// Axes, as columns, of which the third is along the vector area of the facets of A; `None` if that area is zero.
+    ///
+    /// In these axes the small second moment of a thin plate is not lost in the large ones.
     fn axes(&self, by_cuts: bool) -> Option<Mat3> {
         let vertices = self.shared.vertices();
-        // The whole surface has none: those of the cuts have the opposite one.
+        // The area of the whole surface is zero: that of the cuts is opposite to that of the other faces.
         let mut area = Vec3::zeros();
         for face in self.shared.faces().filter(|face| face.is_cut == by_cuts) {
             for [a, b, c] in fan(face.corners) {
@@ -246,15 +245,15 @@ impl Scratch {
         Some(axes_along(&up))
     }
 
-    /// Volume, centroid and covariance in local axes, with this vertex as their origin. `None` if there is no volume.
+    /// Volume, centroid and covariance in local axes with this vertex as origin; `None` if there is no volume.
     fn moments(&self, origin: u32) -> Option<Moments> {
         let (mut volume, mut first) = (0.0, Vec3::zeros());
         let (mut squares, mut products) = (Vec3::zeros(), Vec3::zeros());
-        // Nothing is between the origin and a face on which it lies.
+        // The tetrahedron between the origin and a face that contains it has no volume.
         for face in self.shared.faces().filter(|face| !face.corners.contains(&origin)) {
             for [a, b, c] in fan(face.corners) {
                 let [a, b, c] = [&self.local[a], &self.local[b], &self.local[c]];
-                // The tetrahedron from the origin to the triangle, six times its volume.
+                // Six times the volume of the tetrahedron from the origin to the triangle.
                 let sixfold = a.dot(&b.cross(c));
                 let sum = a + b + c;
                 volume += sixfold;
@@ -279,8 +278,9 @@ impl Scratch {
         Some(Moments { volume: volume / 6.0, centroid, covariance })
     }
 
-    /// `Σ n ∫ (|w|² - s) dA` over the facets of A, and the same of the moment about the centroid, in local axes: force and
-    /// moment of A on B. From those of B, with the opposite sign, `by_cuts`.
+    /// `Σ n ∫ (|w|² - s) dA` over the facets of A, and its moment about the centroid, in local axes: force and moment of A on B.
+    ///
+    /// With `by_cuts`, computed from the facets of B with the opposite sign.
     fn gradient(&mut self, k: &Mat3, centroid: &Vec3, s: f64, by_cuts: bool) -> (Vec3, Vec3) {
         self.turned.resize(self.local.len(), Vec3::zeros());
         for &vertex in self.shared.left() {
@@ -298,7 +298,7 @@ impl Scratch {
                 let squares = turned.map(Vec3::norm_squared);
                 let both = sum.norm_squared() + (squares[0] + squares[1] + squares[2]);
                 force += area * (both / 12.0 - s);
-                // The integral of x |w|² over a triangle: x and w are linear.
+                // Integral of x |w|² over a triangle, where x and w are linear.
                 let weight =
                     |i: usize| (both + 2.0 * (turned[i].dot(&sum) + squares[i])) / 60.0 - s / 3.0;
                 moment += (p * weight(0) + q * weight(1) + r * weight(2)).cross(&area);
@@ -308,14 +308,14 @@ impl Scratch {
     }
 }
 
-/// Of what is shared, in local axes.
+/// Moments of the shared volume, in local axes.
 struct Moments {
     volume: f64,
     centroid: Vec3,
     covariance: Mat3,
 }
 
-/// The triangles of a polygon.
+/// Triangles of a polygon.
 pub(super) fn fan(corners: &[u32]) -> impl Iterator<Item = [usize; 3]> {
     let first = corners[0] as usize;
     corners[1..].windows(2).map(move |two| [first, two[0] as usize, two[1] as usize])
@@ -327,7 +327,7 @@ pub(super) fn axes_along(up: &Vec3) -> Mat3 {
     Mat3::from_columns(&[across, up.cross(&across), *up])
 }
 
-/// `s = 1 / tr(C⁻¹)` and `K = s C⁻¹` of a covariance. `None` of what is thinner than rounding.
+/// `s = 1 / tr(C⁻¹)` and `K = s C⁻¹` of a covariance; `None` if the volume is thinner than rounding.
 pub(super) fn thinness(covariance: &Mat3) -> Option<(f64, Mat3)> {
     let cofactors = cofactors(covariance);
     let sum = cofactors.trace();
@@ -335,13 +335,12 @@ pub(super) fn thinness(covariance: &Mat3) -> Option<(f64, Mat3)> {
     (determinant > 0.0 && sum > 0.0).then(|| (determinant / sum, cofactors / sum))
 }
 
-/// The cofactors of a symmetric matrix.
 fn cofactors(m: &Mat3) -> Mat3 {
     let [x, y, z] = [m.column(0), m.column(1), m.column(2)];
     Mat3::from_columns(&[y.cross(&z), z.cross(&x), x.cross(&y)])
 }
 
-/// The plane with the least offset, the first of several.
+/// Index of the plane with the least offset, the first of several.
 fn lowest(planes: &[Plane]) -> Option<usize> {
     let mut best: Option<usize> = None;
     for (k, plane) in planes.iter().enumerate() {

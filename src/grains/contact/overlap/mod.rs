@@ -1,10 +1,12 @@
-//! Contacts of bodies with faces, or with straight sides: from what they share, not from one depth.
+//! Contacts of bodies with faces or straight sides, from the shared volume and not from one depth.
 //!
-//! A polyhedron on a face has no single contact point and no smooth depth: the deepest point jumps from corner to corner
-//! when the face tilts, and a force that depends on one depth gives energy, or lets a block at rest creep. Here the
-//! polyhedron that both bodies share is found exactly ([`crate::shape::clip`]), and the energy of the contact is that
-//! of a spring which is compressed by its thickness ([`faces`]), and so it is with the space behind the triangles of a wall ([`surface`]). A spherocylinder has the same fault along its straight side, and
-//! gets the thickness of a line, on a plane or another one ([`sides`]), and on triangles, cylinders and cones ([`sides_on_surface`]).
+//! A polyhedron on a face has no single contact point and no smooth depth. The deepest point jumps from corner to corner when the face
+//! tilts. A force that depends on one depth gains energy, or lets a block at rest creep.
+//!
+//! Here the polyhedron that both bodies share is computed exactly ([`crate::shape::clip`]). The energy of the contact is that of a spring
+//! compressed by the thickness of this polyhedron ([`faces`]). The space behind the triangles of a wall is treated in the same way
+//! ([`surface`]). A spherocylinder has the same problem along its straight side. It gets the thickness of a line, on a plane or another
+//! spherocylinder ([`sides`]), and on triangles, cylinders and cones ([`sides_on_surface`]).
 
 mod faces;
 mod seen;
@@ -29,29 +31,31 @@ use super::{
 use crate::math::Vec3;
 use crate::shape::Shape;
 
-/// What two bodies share, of which the first has faces and the second has faces or is a half-space, or the first has a straight
-/// side and the second has one or is a half-space; `r` is from the centre of A to that of B, or to the reference point of its
-/// wall [m]. `None` if they share nothing, or are others, or one is swallowed by the other, so that no force is left.
+/// Thickness of the volume that two bodies share, with its gradient.
+///
+/// Either A has faces and B has faces or is a half-space, or A has a straight side and B has one or is a half-space. `r` points from the
+/// centre of A to that of B, or to the reference point of its wall [m]. Returns `None` for other bodies, if the bodies share nothing, or
+/// if one is inside the other so that no force is left.
 pub fn thickness(a: &Posed, b: &Posed, r: &Vec3) -> Option<Thickness> {
     of_sides(a, b, r).map_or_else(|| of_faces(a, b, r), Result::ok)
 }
 
-/// Resolves two bodies with faces, or two spherocylinders, or one of these (A) and a half-space, by the thickness of what they share.
+/// Resolver of two bodies with faces, or two spherocylinders, or one of these (A) and a half-space, by the thickness of the shared volume.
 ///
-/// That thickness stands for the overlap, and the normal is the direction of the force. A batch gets the [`Patch`] of each
-/// contact, without which a law knows only a part.
+/// The thickness is the overlap, and the normal is the direction of the force. Each contact of a batch also gets a [`Patch`], which a law
+/// needs for the complete force.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Overlap;
 
 impl Overlap {
-    /// What a pair shares, or what else is to be said of it.
+    /// The shared volume of a pair, or the outcome if there is none.
     fn shared(a: &Posed, b: &Posed, r: &Vec3, touched: bool) -> Result<Thickness, Outcome> {
         if let Some(found) = of_sides(a, b, r) {
             return found;
         }
         let excess = |body: &Posed| body.shape.excess() * body.scale;
         let beyond = excess(a) + excess(b);
-        // Bodies that touched will as a rule touch again; others are more often apart.
+        // Bodies that touched usually touch again; others are more often apart.
         let mut known = None;
         if !touched {
             known = clearance(a, b, r);
@@ -94,7 +98,7 @@ impl ContactResolver for Overlap {
     }
 }
 
-/// A contact as laws see it.
+/// Contact geometry and patch of a thickness.
 pub fn contact_of(found: &Thickness) -> (Touch, Patch) {
     (touch(found), patch(found))
 }
@@ -109,13 +113,14 @@ fn patch(found: &Thickness) -> Patch {
     Patch { gain, lever: couple / thickness, covariance }
 }
 
-/// Overlaps of less than this part of the size count as none.
+/// An overlap below this part of the size counts as none.
 const THIN: f64 = 1e-8;
 /// Relative duality gap of the distance between bodies.
 const TOLERANCE: f64 = 1e-6;
 
-/// How far two bodies are apart at least [m], 0 if they hardly overlap; `None` if they do. Of rounded bodies, not of the polyhedra
-/// that stand for them.
+/// Lower bound of the distance of two bodies [m], 0 if they hardly overlap; `None` if they do.
+///
+/// The bodies are the rounded ones, not the polyhedra that represent them.
 fn clearance(a: &Posed, b: &Posed, r: &Vec3) -> Option<f64> {
     let thin = THIN * size_of_both(a.bounding_radius(), b.bounding_radius());
     let clear = |clearance: f64| (clearance > -thin).then_some(clearance.max(0.0));

@@ -1,4 +1,4 @@
-//! A body beside a surface of triangles, and what both share.
+//! A body beside a surface of triangles, and the volume that both share.
 
 use super::thickness::Thickness;
 use crate::contact::Posed;
@@ -11,16 +11,16 @@ use crate::shape::triangle_mesh::TriangleMesh;
 pub(super) struct Seen<'a> {
     pub(super) a: &'a Posed<'a>,
     pub(super) mesh: &'a TriangleMesh,
-    /// Of the wall.
+    /// Frame of the wall.
     pub(super) wall: &'a Mat3,
-    /// Of the body in the axes of the wall.
+    /// Frame of the body in the axes of the wall.
     pub(super) frame: Mat3,
     pub(super) centre: Vec3,
 }
 
 impl<'a> Seen<'a> {
     /// # Panics
-    /// If B is no surface of triangles: the table of resolvers was filled wrongly.
+    /// If B is not a surface of triangles, that is, if the table of resolvers is wrong.
     pub(super) fn of(a: &'a Posed, b: &Posed<'a>, r: &Vec3) -> Self {
         let Shape::TriangleMesh(mesh) = b.shape else {
             unreachable!("a facet is the second body of its pairs")
@@ -29,7 +29,7 @@ impl<'a> Seen<'a> {
         Self { a, mesh, wall: b.frame, frame, centre }
     }
 
-    /// How far the body, or the polyhedron that stands for it, stays in front of a plane, along its normal [m].
+    /// Height of the lowest point of the body, or of the polyhedron that represents it, above a plane [m].
     pub(super) fn height_over(&self, plane: &Plane) -> f64 {
         let up = self.frame.tr_mul(&plane.normal);
         let lowest = match self.a.shape.facets() {
@@ -48,10 +48,10 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// What a body shares with a part of a surface, in world axes.
+/// Volume shared by a body and a part of a surface, in world axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shared {
-    /// The lowest of the facets that are there.
+    /// Lowest number of the facets that are touched.
     pub(super) facet: u32,
     pub(super) thickness: Thickness,
 }

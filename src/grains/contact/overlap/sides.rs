@@ -1,38 +1,36 @@
-//! The thickness of what straight sides share: of spherocylinders with each other and with planes; with triangles see [`super::sides_on_surface`].
+//! Thickness of straight sides: spherocylinders with each other and with planes. For triangles see [`super::sides_on_surface`].
 //!
-//! Two of them that lie side by side touch along a line. The shortest distance of their axes does not tell where: it
-//! jumps from end to end when one of them tilts, and what rests on such a contact rocks for ever.
+//! Two spherocylinders that lie side by side touch along a line. The shortest distance of their axes gives no stable contact point: it jumps
+//! from end to end when one of them tilts. A body at rest on such a contact rocks for ever.
 //!
 //! # Definition
 //!
-//! Let `s` run along the axis of A, and `δ(s)` be how deep the sphere about this point of the axis is in the other body:
-//! the sum of the radii less the distance from the point to the axis of B, or its depth below a plane. Over the part of
-//! the axis where `δ > 0`,
+//! Let `s` run along the axis of A. `δ(s)` is the depth in the other body of the sphere about this point of the axis: the sum of the radii
+//! less the distance from the point to the axis of B, or its depth below a plane. Over the part of the axis where `δ > 0`,
 //!
 //! `D² = ∫ δ³ ds / ∫ δ ds`.
 //!
-//! Where A lies flat on B, `δ` is the same everywhere, and `D = δ`, whatever the length. Of two spherocylinders `D²` is the mean
-//! of both axes' values, so that their order does not matter. The elastic energy is `k D² / 2`, as of faces
-//! ([`super::faces`]), and force and moment are its gradient: where the point at `s` is pushed along `n(s)`,
+//! Where A lies flat on B, `δ` is the same everywhere, and `D = δ`, whatever the length. For two spherocylinders `D²` is the mean of the values
+//! of both axes, so their order does not matter. The elastic energy is `k D² / 2`, as for faces ([`super::faces`]). Force and moment are its
+//! gradient. Where the point at `s` is pushed along `n(s)`,
 //!
 //! `dU = k/2 ∫ (3 δ² - D²) dδ ds / ∫ δ ds`
 //!
-//! Ends of the part where `δ > 0` add nothing, as `δ = 0` there. Each point presses on the nearest one of the other axis along
-//! the line between both, so that momentum and angular momentum are conserved.
+//! The ends of the part where `δ > 0` add nothing, as `δ = 0` there. Each point presses on the nearest one of the other axis along the line
+//! between both. Momentum and angular momentum are therefore conserved.
 //!
-//! # What it is, and what it is not
+//! # Properties
 //!
-//! - On a plane `δ` is linear, and `D² = (δ₁² + δ₂²) / 2` with the depths of both ends, or 0 for one that is above: a
-//!   spring of `k / 2` under each end. So it is stiff against tilting, and its energy has no kink.
-//! - Crossing spherocylinders have `24/35 k = 0.69 k` at any angle, as `δ` is a parabola; a round end on a plane and two ends in
-//!   line have `k / 2`; a spherocylinder of no length has `k` as a sphere has.
+//! - On a plane `δ` is linear, and `D² = (δ₁² + δ₂²) / 2` with the depths of both ends, or 0 for an end above the plane. This is a spring of
+//!   `k / 2` under each end: it is stiff against tilting, and its energy has no kink.
+//! - Crossing spherocylinders have `24/35 k = 0.69 k` at any angle, as `δ` is a parabola. A round end on a plane and two ends in line have
+//!   `k / 2`. A spherocylinder of no length has `k`, like a sphere.
 //!
 //! # Integrals
 //!
-//! The distance from a point to a segment has three parts: to one end, to a line, to the other end. In each of them `δ` is
-//! analytic, and its integrals are taken by Gauss' rule with eight points. Where overlaps are 10 % of both radii together,
-//! `δ` has its singularities 2 half widths off the real axis, and the rule is good to `4.4⁻¹⁶ = 1e-10`. The derivatives are those of
-//! the exact integrals.
+//! The distance from a point to a segment has three parts: to one end, to a line, to the other end. In each of them `δ` is analytic, and its
+//! integrals are computed by Gauss' rule with eight points. For overlaps of 10 % of the sum of the radii, the singularities of `δ` are 2 half
+//! widths off the real axis, and the rule is accurate to `4.4⁻¹⁶ = 1e-10`. The derivatives are those of the exact integrals.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -43,7 +41,7 @@ use crate::lanes::{Eight, Kernel, Triple, WIDTH, dispatch};
 use crate::math::{Mat3, Vec3};
 use crate::shape::Shape;
 
-/// Places of Gauss' rule with eight points on [-1, 1].
+/// Points of Gauss' rule with eight points on [-1, 1].
 const PLACES: [f64; WIDTH] = [
     -0.960_289_856_497_536_3,
     -0.796_666_477_413_626_7,
@@ -54,7 +52,7 @@ const PLACES: [f64; WIDTH] = [
     0.796_666_477_413_626_7,
     0.960_289_856_497_536_3,
 ];
-/// Their weights.
+/// Weights of these points.
 const WEIGHTS: [f64; WIDTH] = [
     0.101_228_536_290_376_26,
     0.222_381_034_453_374_48,
@@ -68,9 +66,9 @@ const WEIGHTS: [f64; WIDTH] = [
 
 /// A directed axis.
 pub(super) struct Side {
-    /// From the centre to one end [m].
+    /// Vector from the centre to one end [m].
     pub(super) end: Vec3,
-    /// Of what is rolled around it [m].
+    /// Radius of the sphere rolled around the axis [m].
     pub(super) radius: f64,
 }
 
@@ -85,8 +83,9 @@ impl Side {
     }
 }
 
-/// What two spherocylinders share, or one and a half-space, or what else is to be said of them; `None` of other bodies.
-/// `r` is from the centre of A to that of B, or to the reference point of its wall [m].
+/// Thickness of two spherocylinders, or of one on a half-space, or the outcome if there is none; `None` for other bodies.
+///
+/// `r` points from the centre of A to that of B, or to the reference point of its wall [m].
 pub(super) fn of_sides(a: &Posed, b: &Posed, r: &Vec3) -> Option<Result<Thickness, Outcome>> {
     let side = Side::of(a)?;
     if let Shape::HalfSpace(plane) = b.shape {
@@ -96,15 +95,15 @@ pub(super) fn of_sides(a: &Posed, b: &Posed, r: &Vec3) -> Option<Result<Thicknes
     Some(side.on_side(&Side::of(b)?, r))
 }
 
-/// What the spheres along an axis are in another body. Forces and moments are over the stiffness.
+/// Integrals along the axis over the overlap with another body. Forces and moments are over the stiffness.
 struct Along {
     /// `D²` [m²].
     squared: f64,
-    /// On the other body [m].
+    /// Force on the other body [m].
     force: Vec3,
-    /// The same about the centre of this one [m²].
+    /// Moment of that force about the centre of this body [m²].
     moment: Vec3,
-    /// Middle of `δ` and its variance, the half length being 1 [-].
+    /// Mean place and variance of `δ`, for a half length of 1 [-].
     mean: f64,
     variance: f64,
 }
@@ -112,17 +111,18 @@ struct Along {
 /// Integrals over `s`.
 #[derive(Default)]
 pub(super) struct Integrals {
-    /// Of `δ`, `s δ`, `s² δ` and `δ³`.
+    /// Integrals of `δ`, `s δ`, `s² δ` and `δ³`.
     pub(super) depth: [f64; 4],
-    /// Of `n` and `δ² n`.
+    /// Integrals of `n` and `δ² n`.
     pub(super) normal: [Vec3; 2],
-    /// The same times `s`.
+    /// Integrals of `s n` and `s δ² n`.
     pub(super) moment: [Vec3; 2],
 }
 
 impl Integrals {
-    /// Adds the part from `low` to `high`, where `δ` is linear with these values at both ends, all along one normal. Gauss' rule with two points
-    /// is exact.
+    /// Adds the part from `low` to `high`, where `δ` is linear with these values at both ends, along one normal.
+    ///
+    /// Gauss' rule with two points is exact.
     pub(super) fn add_straight(
         &mut self,
         [low, high]: [f64; 2],
@@ -158,7 +158,7 @@ impl Integrals {
         }
     }
 
-    /// Adds the part from `low` to `high`, where the nearest point of the other axis is seen from the one at `s` along `w[0] + s w[1]`.
+    /// Adds the part from `low` to `high`, where the nearest point of the other axis is at `w[0] + s w[1]` from the point at `s`.
     pub(super) fn add(&mut self, [low, high]: [f64; 2], w: &[Vec3; 2], reach: f64) {
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
         let mut sums = [0.0; 10];
@@ -182,7 +182,7 @@ struct Part<'a> {
     half: f64,
     w: &'a [Vec3; 2],
     reach: f64,
-    /// Of `δ`, `s δ`, `s² δ`, `δ³`, and of `1`, `s`, `s²` and `δ²`, `s δ²`, `s² δ²` over the distance `|w|`.
+    /// Sums of `δ`, `s δ`, `s² δ`, `δ³`, and of `1`, `s`, `s²` and `δ²`, `s δ²`, `s² δ²` over the distance `|w|`.
     sums: &'a mut [f64; 10],
 }
 
@@ -218,14 +218,14 @@ impl Kernel for Part<'_> {
     }
 }
 
-/// The sum over all lanes.
+/// Sum over all lanes.
 #[inline(always)]
 fn total<L: Eight>(lanes: L) -> f64 {
     let [a, b, c, d, e, f, g, h] = lanes.store();
     ((a + e) + (c + g)) + ((b + f) + (d + h))
 }
 
-/// Where `|w[0] + s w[1]| < reach` between two values of `s`.
+/// Range between two values of `s` where `|w[0] + s w[1]| < reach`.
 fn within([low, high]: [f64; 2], w: &[Vec3; 2], reach: f64) -> Option<[f64; 2]> {
     let (a, b) = (w[1].norm_squared(), w[0].dot(&w[1]));
     let c = w[0].norm_squared() - reach * reach;
@@ -235,7 +235,7 @@ fn within([low, high]: [f64; 2], w: &[Vec3; 2], reach: f64) -> Option<[f64; 2]> 
         let roots = [q / a, c / q];
         if b < 0.0 { [roots[1], roots[0]] } else { roots }
     } else if c < 0.0 {
-        // They are parallel.
+        // The axes are parallel.
         [low, high]
     } else {
         return None;
@@ -245,7 +245,7 @@ fn within([low, high]: [f64; 2], w: &[Vec3; 2], reach: f64) -> Option<[f64; 2]> 
 }
 
 impl Side {
-    /// Along this axis, in the spherocylinder about another one.
+    /// Integrals along this axis in the spherocylinder about another axis.
     fn along(&self, other: &Self, r: &Vec3) -> Option<Along> {
         let reach = self.radius + other.radius;
         // The nearest point of the other line is at t = start + slope s.
@@ -286,7 +286,7 @@ impl Side {
         })
     }
 
-    /// In the spherocylinder about another axis.
+    /// Thickness in the spherocylinder about another axis.
     fn on_side(&self, other: &Self, r: &Vec3) -> Result<Thickness, Outcome> {
         let reach = self.radius + other.radius;
         let ends = |side: &Self, centre: &Vec3| [centre - side.end, centre + side.end];
@@ -298,7 +298,7 @@ impl Side {
         if distance.is_nan() {
             return Err(Outcome::Failed(Why::NotFinite));
         }
-        // Directions of rounding errors are no normals.
+        // The direction of such a short vector is a rounding error.
         if distance <= 1e-12 * reach {
             return Err(Outcome::Failed(Why::TooDeep));
         }
@@ -325,7 +325,7 @@ impl Side {
         Ok(Thickness::pressing(thickness, force, moment, centroid, covariance))
     }
 
-    /// In the half-space beyond a plane at this height along its normal [m].
+    /// Thickness in the half-space behind a plane at this height along its normal [m].
     fn on_plane(&self, normal: &Vec3, height: f64) -> Result<Thickness, Outcome> {
         let rise = self.end.dot(normal);
         let [one, other] = [self.radius - height + rise, self.radius - height - rise];

@@ -1,31 +1,32 @@
-//! The thickness of what straight sides share with a surface of triangles, a cylinder or a cone.
+//! Thickness of straight sides on a surface of triangles, a cylinder or a cone.
 //!
 //! # Definition
 //!
-//! Each point of the axis stands over some facets of the surface ([`TriangleMesh::stretches`]), and over each there is a depth `δ(s)`: the
-//! radius less its distance. Stretches that meet, or pass each other at the same depth, with normals that differ by less than 30 degrees, are one
-//! surface: there the largest `δ` counts, a continuous function. A *chain* is a part of the axis where it is more than 0. Along a chain that dips nowhere, as over a convex edge,
+//! Each point of the axis is over some facets of the surface ([`TriangleMesh::stretches`]). Over each there is a depth `δ(s)`: the radius less
+//! the distance. Stretches count as one surface if they meet, or pass each other at the same depth, with normals that differ by less than 30
+//! degrees. On one surface the largest `δ` counts, which is a continuous function. A *chain* is a part of the axis where it is positive. Along a
+//! chain without dips, as over a convex edge,
 //!
 //! `D² = ∫ δ³ ds / ∫ δ ds`,
 //!
-//! as on a plane ([`super::sides`]), the elastic energy is `k D² / 2`, and force and moment are its gradient.
+//! as on a plane ([`super::sides`]). The elastic energy is `k D² / 2`, and force and moment are its gradient.
 //!
-//! Where `δ` dips, as over a shallow fold, across a hole or from inside a cylinder, the chain is made of lobes `i`, and
+//! Where `δ` dips, as over a shallow fold, across a hole or from inside a cylinder, the chain consists of lobes `i`, and
 //!
 //! `D² = Σ_i ∫_i δ³ ds / Σ_j ω_ij ∫_j δ ds`, `ω_ij = 1 - (1 - u_i) (1 - u_j)`, `u_i = x (2 - x)`, `x = min(1, m² / D_i²)`
 //!
-//! with the lowest dip `m` between both. Two lobes that part have their own energies (`ω = 0`), and a dip that is none changes nothing (`ω = 1`).
+//! with the lowest dip `m` between both. Two lobes that part have their own energies (`ω = 0`), and a dip of depth zero changes nothing (`ω = 1`).
 //!
 //! - A plane is one face however it is cut: its force is that of the plane.
 //! - Over a convex edge force and energy have no jump.
-//! - Strips of a cylinder or cone are one surface. Where that ends, contacts end with a jump.
-//! - Faces of a fold that turns by more than 30 degrees have contacts of their own. With overlaps beyond a seventh of the radius the axis can come from over one
-//!   to over the other, where a force ends with a jump. Beyond a fifteenth of the radius it jumps where the axis passes a corner of a hole.
+//! - Strips of a cylinder or cone are one surface. Contacts end with a jump where that surface ends.
+//! - Faces of a fold that turns by more than 30 degrees have contacts of their own. For overlaps beyond a seventh of the radius, the axis can
+//!   move from over one face to over the other, where a force ends with a jump. Beyond a fifteenth of the radius the force jumps where the axis
+//!   passes a corner of a hole.
 //!
 //! # Contacts
 //!
-//! A chain belongs to the pair of the lowest of its facets. Chains of which that is the same one make one contact, with the sum of their
-//! energies.
+//! A chain belongs to the pair of the lowest of its facets. Chains with the same lowest facet make one contact with the sum of their energies.
 
 use super::seen::{Seen, Shared};
 use super::sides::{Integrals, Side};
@@ -35,29 +36,29 @@ use crate::math::Vec3;
 use crate::shape::triangle_mesh::{FLAT, MeshFacet, Over, Rim, Stretch};
 use nalgebra::Matrix3x2;
 
-/// How far stretches reach over borders, over the radius.
+/// Extent of stretches beyond borders, over the radius.
 const BORDER: f64 = 1e-9;
-/// Slopes that differ by less, over the radius, make no dip.
+/// Slopes that differ by less than this make no dip, over the radius.
 const LEVEL: f64 = 1e-9;
-/// Cosine of the angle of 30 degrees: facets that turn by less are one surface.
+/// Cosine of 30 degrees: facets that turn by less are one surface.
 const ONE: f64 = 0.866_025_403_784_438_6;
 
-/// A derivative: of a depth along `n` at `s` it is `n` and `s n`, so that the second column times the axis is the moment.
+/// A derivative. For a depth along `n` at `s` it is `n` and `s n`, so that the second column times the axis is the moment.
 type Pull = Matrix3x2<f64>;
 
-/// A part of the axis with `δ > 0` that stands over one facet.
+/// A part of the axis over one facet with `δ > 0`.
 #[derive(Clone, Copy, Debug)]
 struct Part {
     seen: Stretch,
     range: [f64; 2],
-    /// All with the same are one surface.
+    /// Number of the surface: parts of one surface have the same.
     group: usize,
 }
 
-/// Parts that follow each other.
+/// Consecutive parts.
 type Chain = Vec<Part>;
 
-/// What is kept from one body to the next.
+/// Working memory, kept from one body to the next.
 #[derive(Default)]
 pub(super) struct Room {
     stretches: Vec<Stretch>,
@@ -90,7 +91,7 @@ impl Room {
         }
     }
 
-    /// Finds what is one surface, and all places where the deepest part may change.
+    /// Groups the parts of one surface, and finds all places where the deepest part may change.
     fn group(&mut self, side: &Side, seen: &Seen) {
         let Self { parts, breaks, .. } = self;
         breaks.clear();
@@ -157,7 +158,7 @@ impl Room {
     }
 }
 
-/// How far a body with a straight side is from a facet at least [m].
+/// Lower bound of the distance of a body with a straight side from a facet [m].
 pub(super) fn clear_of(side: &Side, seen: &Seen, facet: &MeshFacet) -> f64 {
     let end = seen.wall.tr_mul(&side.end);
     let axis = [seen.centre - end, seen.centre + end];
@@ -178,12 +179,12 @@ pub(super) fn clear_of(side: &Side, seen: &Seen, facet: &MeshFacet) -> f64 {
 }
 
 impl Part {
-    /// Has its depth a smooth minimum there, which is a break?
+    /// Whether the depth has a smooth minimum at `s`, which is a break.
     fn dips_at(&self, s: f64) -> bool {
         self.seen.farthest() == Some(s)
     }
 
-    /// Does a point of the surface below lie in the face over which another part is? All as seen from the middle of a range.
+    /// Whether a point of the surface below lies in the face of another part, both seen from the middle of a range.
     fn lies_in(&self, face: &Self, range: [f64; 2], side: &Side, seen: &Seen) -> bool {
         let Over::Face(normal) = face.seen.over else { return false };
         let middle = 0.5 * (range[0] + range[1]);
@@ -195,8 +196,9 @@ impl Part {
         }
     }
 
-    /// Where two parts have the same distance in a range. The squares of distances are quadratic functions, but those of cylinders and cones,
-    /// whose parts have the same where they meet.
+    /// Places in a range where two parts have the same distance.
+    ///
+    /// The squares of distances are quadratic functions, except for cylinders and cones, whose parts have the same distance where they meet.
     fn crossings(&self, other: &Self, range: [f64; 2]) -> [Option<f64>; 2] {
         if let Over::Round(_) = &self.seen.over {
             return [None; 2];
@@ -226,7 +228,7 @@ impl Part {
         }
     }
 
-    /// What the depth at `s` changes by.
+    /// Derivative of the depth at `s`.
     fn pull(&self, s: f64) -> Pull {
         let into = -self.seen.out(s);
         Pull::from_columns(&[into, into * s])
@@ -242,17 +244,17 @@ struct Lobe {
     of_cube: Pull,
 }
 
-/// Where one lobe ends and the next begins.
+/// Boundary between two lobes.
 struct Dip {
     /// `m` [m].
     depth: f64,
     of_depth: Pull,
-    /// Derivative of its place.
+    /// Derivative of the position of the dip.
     of_place: Pull,
 }
 
 impl Dip {
-    /// Between two parts, if there is one.
+    /// The dip between two parts, if there is one.
     fn between(one: &Part, next: &Part, radius: f64) -> Option<Self> {
         let s = one.range[1];
         let depth = radius - one.seen.distance(s);
@@ -276,7 +278,7 @@ impl Dip {
 fn square_of(lobes: &[Lobe], dips: &[Dip]) -> (f64, Pull) {
     let (mut square, mut of_square) = (0.0, Pull::zeros());
     for (i, own) in lobes.iter().enumerate() {
-        // So small that rounding is all.
+        // Such a small lobe is rounding only.
         if own.cube() <= 0.0 {
             continue;
         }
@@ -327,7 +329,7 @@ impl Lobe {
 }
 
 impl Side {
-    /// The lobes of a chain, with the dips between them.
+    /// Lobes of a chain, with the dips between them.
     fn lobes(&self, chain: &Chain) -> (Vec<Lobe>, Vec<Dip>) {
         let (mut lobes, mut dips) = (vec![Lobe::default()], Vec::new());
         for (k, part) in chain.iter().enumerate() {
@@ -354,7 +356,7 @@ impl Side {
         (lobes, dips)
     }
 
-    /// Along these chains together.
+    /// Thickness along these chains together.
     fn in_chains(&self, chains: &[Chain]) -> Option<Thickness> {
         let (mut squared, mut of_squared) = (0.0, Pull::zeros());
         let mut moments = [0.0; 3];

@@ -1,11 +1,12 @@
-//! A body with faces and a surface of triangles: the thickness of what it shares with the cells behind them
-//! ([`crate::shape::triangle_mesh`]).
+//! A body with faces on a surface of triangles: the thickness of its volume in the cells behind them ([`crate::shape::triangle_mesh`]).
 //!
-//! The moving body is that with faces: the cells lie still. What is one with a cell is what a surface says of its triangles ([`super::together`]).
+//! The moving body is the one with faces, and the cells are fixed. Cells are joined to the degree to which the surface joins their triangles
+//! ([`super::together`]).
 //!
 //! # Contacts
 //!
-//! Faces that are one to any part, directly or by way of others, make one contact, which belongs to the pair of the lowest of them. Edges and corners have none.
+//! Faces joined to any degree, directly or through others, make one contact. It belongs to the pair of the lowest of them. Edges and corners
+//! have no contacts.
 
 use super::faces::fan;
 use super::seen::{Seen, Shared};
@@ -22,8 +23,10 @@ use crate::shape::triangle_mesh::{Front, MeshFacet, Near, TriangleMesh};
 use std::cell::RefCell;
 use std::ops::Range;
 
-/// Resolves a body with faces or a straight side (A) against a facet of a surface of triangles (B). For faces it must have cells
-/// ([`TriangleMesh::with_cells`]). The relative position runs from the centre of A to the reference point of the wall.
+/// Resolver of a body with faces or a straight side (A) against a facet of a surface of triangles (B).
+///
+/// For bodies with faces, B must have cells ([`TriangleMesh::with_cells`]). The relative position points from the centre of A to the
+/// reference point of the wall.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct OverlapWithSurface;
 
@@ -33,7 +36,7 @@ struct Scratch {
     near: Vec<Near>,
     sides: Vec<(u32, Front)>,
     cells: Vec<Cell>,
-    /// Room for cells, kept from one body to the next.
+    /// Memory for cells, kept from one body to the next.
     spare: Vec<Clipped>,
     members: Vec<Member>,
     weights: Vec<f64>,
@@ -41,20 +44,20 @@ struct Scratch {
     found: Vec<Shared>,
 }
 
-/// What a body shares with one cell.
+/// Volume that a body shares with one cell.
 struct Cell {
     triangle: u32,
     flat: u32,
     front: Front,
     shared: Clipped,
-    /// The area that lies in the plane of the triangle, along its normal [m²].
+    /// Area that lies in the plane of the triangle, along its normal [m²].
     area: Vec3,
 }
 
-/// Cells of a flat that are one.
+/// Cells of a flat that are treated as one.
 struct Member {
     cells: Range<usize>,
-    /// The lowest with which it is one to any part.
+    /// The lowest member to which this one is joined.
     group: usize,
 }
 
@@ -84,7 +87,7 @@ impl ContactResolver for OverlapWithSurface {
 
     fn resolve(&self, batch: &Batch, found: &mut Found) {
         SCRATCH.with_borrow_mut(|scratch| {
-            // Pairs of one body with facets of one wall follow each other.
+            // Pairs of one body with facets of one wall are consecutive.
             let mut last = None;
             for &index in batch.active {
                 let pair = batch.pairs[index as usize];
@@ -106,8 +109,10 @@ impl ContactResolver for OverlapWithSurface {
     }
 }
 
-/// The contacts of a body with faces and a surface of triangles that has cells, or of one with a straight side and any, each with the lowest of its facets; `r` is from the
-/// centre of A to the reference point of its wall [m]. None of others.
+/// Contacts of a body with a surface of triangles, each with the lowest of its facets.
+///
+/// A body with faces needs a surface with cells; a body with a straight side takes any surface. There are no contacts for other bodies. `r` points
+/// from the centre of A to the reference point of the wall [m].
 pub fn thickness_on_surface(a: &Posed, b: &Posed, r: &Vec3) -> Vec<(u32, Thickness)> {
     let has_side = a.shape.kind().has_side();
     if !matches!(b.shape, Shape::TriangleMesh(mesh) if has_side || mesh.has_cells()) {
@@ -119,10 +124,10 @@ pub fn thickness_on_surface(a: &Posed, b: &Posed, r: &Vec3) -> Vec<(u32, Thickne
     })
 }
 
-/// A cell by its triangle, and on which side of that it is.
+/// A cell, by its triangle and the side of the triangle on which it is.
 type Behind = (u32, Front);
 
-/// The volumes that a body with faces shares with cells of a surface.
+/// Volumes that a body with faces shares with cells of a surface.
 pub(super) fn cells_of(seen: &Seen) -> Vec<(Behind, Clipped)> {
     SCRATCH.with_borrow_mut(|scratch| {
         scratch.spare.extend(scratch.cells.drain(..).map(|cell| cell.shared));
@@ -156,25 +161,25 @@ impl Scratch {
     fn contact(&self, seen: &Seen, facet: u32) -> Result<Thickness, Outcome> {
         if let Some(Shared { thickness, .. }) = self.found.iter().find(|found| found.facet == facet)
         {
-            // A number that is none ends here.
+            // A NaN ends here.
             return if thickness.thickness.is_finite() && thickness.gain.is_finite() {
                 Ok(*thickness)
             } else {
                 Err(Outcome::Failed(Why::NotFinite))
             };
         }
-        // Until it comes to the facet it does not touch.
+        // The facet is not touched before the body reaches it.
         let clear = match (seen.mesh.facet(facet), Side::of(seen.a)) {
             (of, Some(side)) => clear_of(&side, seen, &of),
-            // What touches another face may come to have its contact with this one at once.
+            // A body that touches another face may have its contact with this one in the next step.
             (MeshFacet::Face { .. }, None) if !self.found.is_empty() => 0.0,
             (MeshFacet::Face { normal, offset }, None) => {
                 let height = seen.centre.dot(&normal) - offset;
                 let sign = if height < 0.0 { -1.0 } else { 1.0 };
-                // Behind its plane, over a face beside it, a body is half as far from the space behind this face, or farther.
+                // Behind its plane, over a neighbouring face, a body is at least half as far from the space behind this face.
                 0.5 * seen.height_over(&Plane { normal: normal * sign, offset: offset * sign })
             }
-            // Edges and corners have no contacts of their own with faces.
+            // Edges and corners have no contacts of their own with bodies with faces.
             _ => return Err(Outcome::Apart(f64::INFINITY)),
         };
         Err(if !clear.is_finite() {
@@ -219,7 +224,7 @@ impl Scratch {
         }
     }
 
-    /// Joins the cells of a flat, where they are one with all others to the same part, and finds what is one to any part.
+    /// Groups the cells of each flat that are joined to all others to the same degree, and then all members joined to any degree.
     fn group(&mut self, mesh: &TriangleMesh) {
         let Self { cells, members, weights, .. } = self;
         cells.sort_unstable_by_key(|cell| (cell.flat, cell.triangle));
@@ -273,7 +278,7 @@ impl Scratch {
         }
     }
 
-    /// Thickness of what is shared with the cells of a group, and its gradient.
+    /// Thickness of the volume in the cells of a group, and its gradient.
     fn measure(&self, group: usize, seen: &Seen) -> Option<Shared> {
         let Self { cells, members, weights, .. } = self;
         let count = members.len();

@@ -1,8 +1,8 @@
-//! What is said of the thickness of what two bodies share.
+//! Thickness of the volume that two bodies share, with force and moment.
 
 use crate::math::{Mat3, Vec3};
 
-/// A contact thinner than this part of the size has no force that is more than rounding.
+/// A contact thinner than this part of the size has a force that is only rounding.
 pub(super) const THIN: f64 = 1e-9;
 
 /// The smaller of two bounding radii, but not so small that rounding of A's size would count as thick.
@@ -10,28 +10,32 @@ pub(super) const fn size_of_both(a: f64, b: f64) -> f64 {
     a.min(b).max(1e-4 * a)
 }
 
-/// What two bodies with faces or straight sides share. Forces and moments are over a stiffness, energies too: those of `k = 1 N/m`.
+/// Thickness of the volume that two bodies with faces or straight sides share.
+///
+/// Forces, moments and energies are over a stiffness: those for `k = 1 N/m`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thickness {
     /// `D` [m].
     pub thickness: f64,
     /// Unit vector along the force of A on B.
     pub normal: Vec3,
-    /// `|grad D|`: the force is `k D` times this [-]. 1 for flush faces.
+    /// `|grad D|`: the force is `k D` times this [-]. It is 1 for flush faces.
     pub gain: f64,
-    /// The point of the wrench's axis nearest to the centroid, seen from the centre of A [m].
+    /// The point on the axis of the wrench nearest to the centroid, relative to the centre of A [m].
     pub point: Vec3,
-    /// Moment of A on B that remains there, over the stiffness [m²]: along the normal, and rounding but where faces are twisted
-    /// against each other; in any direction where the axis is too far away for its point to be this one.
+    /// Remaining moment of A on B at that point, over the stiffness [m²].
+    ///
+    /// It is along the normal, and zero within rounding unless faces are twisted against each other. It has any direction where the axis is too
+    /// far away for its point to be this one.
     pub couple: Vec3,
-    /// Centroid of what both bodies hold, seen from the centre of A [m].
+    /// Centroid of the shared volume, relative to the centre of A [m].
     pub centroid: Vec3,
-    /// Its covariance [m²].
+    /// Covariance of the shared volume [m²].
     pub covariance: Mat3,
 }
 
 impl Thickness {
-    /// With a force and its moment about the centre of A, whose axis passes near a middle.
+    /// Thickness with a force and its moment about the centre of A, whose axis passes near `middle`.
     pub(super) fn pressing(
         thickness: f64,
         force: Vec3,
@@ -68,12 +72,12 @@ impl Thickness {
         0.5 * self.thickness * self.thickness
     }
 
-    /// The same, where its origin stands here [m].
+    /// Copy with points relative to another centre, from which the present one is at `origin` [m].
     pub(super) fn with_origin(self, origin: &Vec3) -> Self {
         Self { point: self.point + origin, centroid: self.centroid + origin, ..self }
     }
 
-    /// The same in another unit of length, and in axes that are the rows of `frame`.
+    /// Copy in another unit of length and in the axes that are the rows of `frame`.
     pub(super) fn placed(&self, scale: f64, frame: &Mat3) -> Self {
         let square = scale * scale;
         Self {

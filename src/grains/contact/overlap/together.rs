@@ -1,46 +1,47 @@
-//! The thickness of what two bodies share in several lumps, some of which are one place.
+//! Thickness of a volume that two bodies share in several lumps, some of which are joined.
 //!
 //! # Definition
 //!
-//! Let `V_j` be the volume of lump `j`, and `ω_ij` how far the lumps `i` and `j` are one. With the moments of all that is one with lump `i`,
+//! Let `V_j` be the volume of lump `j`, and `ω_ij` the degree to which the lumps `i` and `j` are joined, from 0 to 1. With the moments of all
+//! lumps joined to lump `i`,
 //!
 //! `W_i = Σ_j ω_ij V_j`, and centroid `c_i` and covariance `C_i` under the weights `ω_ij`, `s_i = 1 / tr(C_i⁻¹)`,
 //!
 //! the elastic energy of a contact of stiffness `k` is `U = 6 k Σ_i (V_i / W_i) s_i = k D² / 2`.
 //!
-//! - Where all is one (`ω = 1`), as in a plane however it is cut into triangles, or a body into pieces, `U = 6 k s`: the energy of two
-//!   bodies ([`super::faces`]).
+//! - Where all lumps are joined (`ω = 1`), `U = 6 k s`: the energy of two bodies ([`super::faces`]). This holds for a plane however it is cut into
+//!   triangles, and for a body cut into pieces.
 //! - Where lumps are apart (`ω = 0`), as in a concave corner, each has its own energy.
 //!
 //! # Gradient
 //!
-//! Let the first body move. As of two bodies, `dU = Σ_j ∫ q_j v·n dA` over its facets in lump `j`, with `K_i = s_i C_i⁻¹` and
+//! Let the first body move. As for two bodies, `dU = Σ_j ∫ q_j v·n dA` over its facets in lump `j`, with `K_i = s_i C_i⁻¹` and
 //!
 //! `q_j(x) = 6 k [ s_j / W_j + Σ_i ω_ij (V_i / W_i²) (|K_i (x - c_i)|² - 2 s_i) ]`.
 //!
-//! Facets between two pieces of it that are one give nothing: their pressures are the same, and their normals opposite.
+//! Facets between two of its pieces that are joined contribute nothing: their pressures are the same, and their normals opposite.
 
 use super::faces::{FAR, axes_along, fan, thinness};
 use super::thickness::{THIN, Thickness};
 use crate::math::{Mat3, Vec3};
 use crate::shape::clip::{Clipped, Face};
 
-/// A volume that two bodies share, as a body that was cut: its own facets are those of the first.
+/// A volume that two bodies share, as a body that was cut: its uncut facets are those of the first body.
 pub(super) struct Lump<'a> {
     shared: &'a Clipped,
-    /// From its axes and unit of length to those of all lumps.
+    /// Rotation and scale from the axes and unit of length of the volume to those of all lumps.
     turn: Mat3,
-    /// Where its origin is [m].
+    /// Position of its origin [m].
     from: Vec3,
 }
 
 impl<'a> Lump<'a> {
-    /// In axes of its own.
+    /// A lump in its own axes.
     pub(super) fn of(shared: &'a Clipped) -> Self {
         Self { shared, turn: Mat3::identity(), from: Vec3::zeros() }
     }
 
-    /// In axes of others: turned and scaled, and moved.
+    /// A lump in other axes: turned, scaled and moved.
     pub(super) const fn placed(shared: &'a Clipped, turn: Mat3, from: Vec3) -> Self {
         Self { shared, turn, from }
     }
@@ -64,8 +65,10 @@ impl<'a> Lump<'a> {
     }
 }
 
-/// The thickness of what is shared by lumps, given in groups that are one with all others to the same part, and which of these have a volume. Third of
-/// the axes in which moments are summed is `upright`, a unit vector; `size` is that of the first body [m].
+/// Thickness of a volume of several lumps, and for each member whether it has a volume.
+///
+/// A member is a group of lumps that are joined to all others to the same degree, given by `weight`. Moments are summed in axes of which the
+/// third is `upright`, a unit vector; `size` is that of the first body [m].
 pub(super) fn thickness_of(
     members: &[Vec<Lump>],
     weight: impl Fn(usize, usize) -> f64,
@@ -122,7 +125,7 @@ pub(super) fn thickness_of(
     Some((found.placed(1.0, &axes).with_origin(&origin), has_volume))
 }
 
-/// Force and moment about the middle, over six times the stiffness, and how far facets are from it [m].
+/// Force and moment about the middle, over six times the stiffness, and the largest distance of facets from it [m].
 #[derive(Default)]
 struct Wrench {
     force: Vec3,
@@ -144,7 +147,7 @@ impl Wrench {
         }
     }
 
-    /// As a contact of this thickness. The axis of a force that hardly is one lies far away.
+    /// The wrench as a contact of this thickness. The distance of the axis is limited, as the axis of a very small force is far away.
     fn about(&self, middle: Vec3, thickness: f64, covariance: Mat3) -> Thickness {
         let (force, moment) = (self.force * 6.0, self.moment * 6.0);
         let length = force.norm();
@@ -174,7 +177,7 @@ struct Moments {
     second: Mat3,
 }
 
-/// `s`, `K` and `c` of what is one with a lump.
+/// `W`, `s`, `K` and `c` of the lumps joined to a lump.
 struct OfOne {
     weight: f64,
     s: f64,
@@ -194,11 +197,11 @@ impl Moments {
         Self { volume: 0.0, first: Vec3::zeros(), second: Mat3::zeros() }
     }
 
-    /// Moments of a polyhedron, in axes that are columns, about an origin.
+    /// Moments of a polyhedron about an origin, in axes that are columns.
     fn of(lump: &Lump, axes: &Mat3, origin: &Vec3) -> Self {
         let place = |k: usize| axes.tr_mul(&(lump.at(k) - origin));
         let (mut volume, mut first, mut second) = (0.0, Vec3::zeros(), Mat3::zeros());
-        // About one of its own vertices, so that thin ones keep their digits.
+        // About one of its own vertices, so that thin volumes keep their digits.
         let Some(&apex) = lump.shared.left().first() else { return Self::none() };
         let base = place(apex as usize);
         for face in lump.faces().filter(|face| !face.corners.contains(&apex)) {
@@ -235,7 +238,7 @@ impl Moments {
         self.second += other.second * weight;
     }
 
-    /// `None` if there is no volume.
+    /// Centroid and covariance; `None` if there is no volume.
     fn centroid_and_covariance(&self) -> Option<(Vec3, Mat3)> {
         if self.volume <= 0.0 {
             return None;
@@ -267,7 +270,7 @@ impl Pressure {
         self.e += way.dot(&(squared * way)) - 2.0 * part * one.s;
     }
 
-    /// `n ∫ q dA` and `∫ q x × n dA` of a triangle, by a rule that is exact for cubic functions.
+    /// `n ∫ q dA` and `∫ q x × n dA` for a triangle, by a rule that is exact for cubic functions.
     fn on(&self, [p, q, r]: &[Vec3; 3]) -> (Vec3, Vec3) {
         let area = (q - p).cross(&(r - p)) * 0.5;
         let points = [*p, *q, *r, (p + q) * 0.5, (q + r) * 0.5, (r + p) * 0.5, (p + q + r) / 3.0];

@@ -1,5 +1,5 @@
-//! Bodies with faces of several pieces: volumes that their pieces share with others are put together, so that a body cut in pieces has the contact of the
-//! whole.
+//! Contacts of bodies with faces that consist of several pieces. The volumes that their pieces share are joined, so a body cut into pieces has
+//! the contact of the whole.
 
 use super::faces::shared;
 use super::seen::Seen;
@@ -15,20 +15,20 @@ use crate::shape::clip::Clipped;
 pub struct PairOfPieces<'a> {
     /// The piece of the first body.
     pub a: Posed<'a>,
-    /// The other.
+    /// The other body, piece or wall.
     pub b: Posed<'a>,
-    /// From the centre of the one to that of the other, or to the reference point of its wall [m].
+    /// Vector from the centre of `a` to that of `b`, or to the reference point of its wall [m].
     pub r: Vec3,
-    /// Where the centre of the first is, seen from an origin that all pairs of the bodies share [m].
+    /// Position of the centre of `a` relative to an origin that all pairs of the bodies share [m].
     pub from: Vec3,
 }
 
 /// A contact of bodies of several pieces.
 #[derive(Clone, Debug)]
 pub struct OfPieces {
-    /// The numbers of the pairs that are in it, in rising order.
+    /// Indices of the pairs in the contact, in rising order.
     pub pairs: Vec<usize>,
-    /// Seen from the common origin.
+    /// Thickness relative to the common origin.
     pub thickness: Thickness,
 }
 
@@ -38,8 +38,9 @@ struct Cut {
     shared: Clipped,
 }
 
-/// The contacts of two bodies. Two pairs are one to the part that `oneness` says; those that are one to any part, directly or by way of others, make one
-/// contact.
+/// Contacts of two bodies. `oneness` is the degree to which two pairs are joined.
+///
+/// Pairs joined to any degree, directly or through others, make one contact.
 pub fn thickness_of_pieces(
     pairs: &[PairOfPieces],
     oneness: impl Fn(usize, usize) -> f64,
@@ -51,7 +52,7 @@ pub fn thickness_of_pieces(
     contacts(pairs, &all, |i, j| oneness(all[i].pair, all[j].pair))
 }
 
-/// Contacts of a body and a wall of triangles with cells: one pair for each piece, whatever the facet.
+/// Contacts of a body with a wall of triangles that has cells: one pair for each piece, whatever the facet.
 pub fn thickness_of_pieces_on_surface(
     pairs: &[PairOfPieces],
     oneness: impl Fn(usize, usize) -> f64,
@@ -70,7 +71,7 @@ pub fn thickness_of_pieces_on_surface(
     })
 }
 
-/// Groups volumes that are one to any part.
+/// Groups volumes that are joined to any degree.
 fn contacts(
     pairs: &[PairOfPieces],
     all: &[Cut],

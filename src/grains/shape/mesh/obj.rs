@@ -1,4 +1,4 @@
-//! OBJ: corners and faces, of all that it may have.
+//! Corners and faces of OBJ files; all other content is ignored.
 
 use super::{Group, MeshError, fan, malformed, three};
 use crate::math::Vec3;
@@ -46,7 +46,7 @@ pub(super) fn groups(bytes: &[u8]) -> Result<Vec<Group>, MeshError> {
     Ok(groups)
 }
 
-/// The corner, from 0, of a word as `7`, `-1` (the last before this line) or `7/2/5`.
+/// Index of a corner, from 0, for a word like `7`, `-1` (the last before this line) or `7/2/5`.
 fn index(word: &str, count: usize, line: usize) -> Result<usize, MeshError> {
     let number: Option<i64> = word.split('/').next().and_then(|number| number.parse().ok());
     let index = match number {

@@ -1,10 +1,10 @@
-//! STL, text or binary.
+//! STL files, text or binary.
 
 use super::{MeshError, malformed, three};
 use crate::math::Vec3;
 use crate::text;
 
-/// Bytes of a binary file before its triangles: any text, then how many there are.
+/// Bytes of a binary file before its triangles: any text, then their number.
 const HEADER: usize = 84;
 /// Bytes of a triangle: a normal, three corners, a number of two bytes.
 const RECORD: usize = 50;
@@ -13,13 +13,15 @@ pub(super) fn triangles(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, MeshError> {
     if is_text(bytes) { of_text(&text::lossy(bytes)) } else { of_bytes(bytes) }
 }
 
-/// The triangles that a binary file says it has.
+/// Number of triangles in the header of a binary file.
 fn count(bytes: &[u8]) -> Option<usize> {
     let count = bytes.get(HEADER - 4..HEADER)?.try_into().ok()?;
     Some(u32::from_le_bytes(count) as usize)
 }
 
-/// A header may begin with `solid` in both: the size tells. A text has no NUL, unless each character has two bytes.
+/// Whether a file is text.
+///
+/// The header may begin with `solid` in both formats, so the size decides. A text has no NUL, unless each character has two bytes.
 pub(super) fn is_text(bytes: &[u8]) -> bool {
     let is_binary = count(bytes).is_some_and(|count| bytes.len() == HEADER + count * RECORD);
     let has_mark = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
@@ -59,7 +61,7 @@ fn of_bytes(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, MeshError> {
     records.enumerate().map(triangle).collect()
 }
 
-/// What a line of text stands in.
+/// Nesting level of a line of text.
 #[derive(Clone, Copy, PartialEq)]
 enum Place {
     Outside,
@@ -80,7 +82,7 @@ impl Place {
     }
 }
 
-/// One or more solids. Normals are passed over, and so is all that stands before, between and after solids.
+/// Triangles of one or more solids. Normals are skipped, and so is all content before, between and after solids.
 fn of_text(text: &str) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let (mut triangles, mut corners) = (Vec::new(), Vec::new());
     let (mut place, mut last, mut has_solid) = (Place::Outside, 1, false);

@@ -1,32 +1,33 @@
-//! What the points of a segment see of a surface: of each facet the stretch of the segment whose points stand over it.
+//! Stretches of a segment over the facets of a surface: for each facet, the range of points that are over it.
 
 use super::{MeshFacet, NONE, Rim, Strip, TriangleMesh};
 use crate::math::Vec3;
 use crate::shape::facets::Plane;
 
-/// Of directions and lengths.
+/// Rounding of directions and lengths.
 const ROUNDING: f64 = 1e-15;
-/// A segment sees the arc of a rim as so many chords: their heights are 2e-5 of the radius.
+/// Number of chords that replace the arc of a rim; their heights are 2e-5 of the radius.
 const CHORDS: u32 = 8;
 
-/// A stretch of a segment whose points stand over one facet. A place on the segment is its middle and `s` times the way to its end, `s` from -1
-/// to 1.
+/// A stretch of a segment whose points are over one facet.
+///
+/// A place on the segment is its middle and `s` times the vector to its end, with `s` from -1 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stretch {
-    /// The facet.
+    /// Number of the facet.
     pub facet: u32,
-    /// The first and the last `s`.
+    /// First and last `s`.
     pub range: [f64; 2],
-    /// From the nearest point of the facet to the place `s`, or from that of the axis of a cylinder or cone: `way[0] + s way[1]` [m].
+    /// Vector to the place `s` from the nearest point of the facet, or of the axis of a cylinder or cone: `way[0] + s way[1]` [m].
     pub way: [Vec3; 2],
-    /// What the facet is.
+    /// Kind of the facet.
     pub over: Over,
 }
 
-/// What the points of a stretch stand over.
+/// Kind of facet below the points of a stretch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Over {
-    /// A face; its normal on the side from which it is seen.
+    /// A face, with its normal on the side from which it is seen.
     Face(Vec3),
     /// An edge or a corner.
     Sharp,
@@ -34,23 +35,23 @@ pub enum Over {
     Round(Round),
 }
 
-/// A cylinder or a cone, as seen from a segment.
+/// A cylinder or a cone below a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Round {
-    /// 1 from inside, -1 from outside.
+    /// Side of the segment: 1 inside, -1 outside.
     pub side: f64,
-    /// Of the place `s` along the axis: `height[0] + s height[1]` [m].
+    /// Height of the place `s` along the axis: `height[0] + s height[1]` [m].
     pub height: [f64; 2],
-    /// At that height: `radius[0] + s radius[1]` [m].
+    /// Radius at that height: `radius[0] + s radius[1]` [m].
     pub radius: [f64; 2],
     /// Unit vector along the axis.
     pub axis: Vec3,
-    /// How much the radius grows along the axis [-].
+    /// Growth of the radius along the axis [-].
     pub slope: f64,
 }
 
 impl Strip {
-    /// The whole surface as seen from inside, and the way from its axis.
+    /// The whole surface seen from inside, and the vector from its axis.
     fn seen_from(&self, middle: &Vec3, end: &Vec3) -> (Round, [Vec3; 2]) {
         let Self { from, axis, radius, slope, .. } = *self;
         let from = middle - from;
@@ -60,7 +61,7 @@ impl Strip {
         (Round { side: 1.0, height, radius, axis, slope }, way)
     }
 
-    /// How far a segment is at least from the surface, as if that went on [m].
+    /// Least distance of a segment from the surface, continued beyond its borders [m].
     pub fn clear_of(&self, [from, to]: &[Vec3; 2]) -> f64 {
         let (round, way) = self.seen_from(&((from + to) * 0.5), &((to - from) * 0.5));
         let stretch = Stretch { facet: 0, range: [-1.0, 1.0], way, over: Over::Round(round) };
@@ -71,24 +72,24 @@ impl Strip {
 }
 
 impl Round {
-    /// From the surface to a place that is so far from the axis [m].
+    /// Distance of a place from the surface, for its vector from the axis [m].
     fn distance(&self, way: &Vec3, s: f64) -> f64 {
         self.side * (self.radius[0] + s * self.radius[1] - way.norm()) / self.steep()
     }
 
-    /// Over the distance from the surface: how much longer that is across the axis.
+    /// Distance across the axis over the distance from the surface.
     fn steep(&self) -> f64 {
         (1.0 + self.slope * self.slope).sqrt()
     }
 }
 
 impl Stretch {
-    /// From the nearest point of the facet, or from the axis of a cylinder or cone, to the place `s` [m].
+    /// Vector to the place `s` from the nearest point of the facet, or from the axis of a cylinder or cone [m].
     pub fn way_to(&self, s: f64) -> Vec3 {
         self.way[0] + self.way[1] * s
     }
 
-    /// From the surface to the place `s`; below a face, and on the other side of a cylinder or cone, it is negative [m].
+    /// Distance of the place `s` from the surface [m]; negative below a face, and on the other side of a cylinder or cone.
     pub fn distance(&self, s: f64) -> f64 {
         let way = self.way_to(s);
         match &self.over {
@@ -98,7 +99,7 @@ impl Stretch {
         }
     }
 
-    /// The unit vector out of the surface.
+    /// Unit vector out of the surface.
     pub fn out(&self, s: f64) -> Vec3 {
         match &self.over {
             Over::Face(normal) => *normal,
@@ -109,7 +110,7 @@ impl Stretch {
         }
     }
 
-    /// How the distance changes with `s` [m].
+    /// Derivative of the distance with respect to `s` [m].
     pub fn slope(&self, s: f64) -> f64 {
         let along = self.out(s).dot(&self.way[1]);
         match &self.over {
@@ -118,7 +119,7 @@ impl Stretch {
         }
     }
 
-    /// How the unit vector out of a cylinder or cone, and the slope of the distance, change with `s`.
+    /// Derivatives with respect to `s` of the unit vector out of a cylinder or cone, and of the slope of the distance.
     pub fn bend(&self, s: f64) -> (Vec3, f64) {
         let Over::Round(round) = &self.over else { return Default::default() };
         let way = self.way_to(s);
@@ -128,14 +129,14 @@ impl Stretch {
         (turn, turn.dot(&self.way[1]))
     }
 
-    /// Where it is farther from a cylinder or cone than before and after, seen from inside.
+    /// Place of a local maximum of the distance from a cylinder or cone, seen from inside.
     pub fn farthest(&self) -> Option<f64> {
         let Over::Round(Round { side: 1.0, radius, .. }) = &self.over else { return None };
         let place = self.nearest_to_axis(radius[1]);
         (self.range[0] < place && place < self.range[1]).then_some(place)
     }
 
-    /// Where the length of its way, less `growth` times `s`, is least: a convex function.
+    /// Minimum of the length of the vector less `growth` times `s`, which is a convex function.
     fn nearest_to_axis(&self, growth: f64) -> f64 {
         let square = self.way[1].norm_squared();
         if growth * growth >= square {
@@ -147,7 +148,7 @@ impl Stretch {
         nearest + growth * self.way_to(nearest).norm() / rest.sqrt()
     }
 
-    /// The parts of it that are nearer to the surface than this [m], in their order.
+    /// Parts of the stretch that are nearer to the surface than this [m], in their order.
     pub fn nearer_than(&self, distance: f64) -> [Option<[f64; 2]>; 2] {
         let [low, high] = self.range;
         let some = |[from, to]: [f64; 2]| Some([from, to]).filter(|_| from < to);
@@ -171,14 +172,15 @@ impl Stretch {
         }
     }
 
-    /// Where the length of its way is less than `radius[0] + s radius[1]`, by Newton's method from the ends, which never goes too far: the
-    /// difference is a convex function.
+    /// Range in which the length of the vector is less than `radius[0] + s radius[1]`.
+    ///
+    /// Newton's method from the ends never overshoots, because the difference is a convex function.
     fn within(&self, [radius, growth]: [f64; 2]) -> Option<[f64; 2]> {
         let [low, high] = self.range;
         let beyond = |s: f64| self.way_to(s).norm() - radius - s * growth;
         let middle = self.nearest_to_axis(growth).clamp(low, high);
         let is_within = beyond(middle) < 0.0;
-        // Also not if it is no number.
+        // True for NaN as well.
         if !is_within {
             return None;
         }
@@ -199,17 +201,16 @@ impl Stretch {
     }
 }
 
-/// Its direction; of no length, none.
+/// Direction of a vector; zero for one of no length.
 fn unit(vector: &Vec3) -> Vec3 {
     vector.try_normalize(0.0).unwrap_or_default()
 }
 
 impl TriangleMesh {
-    /// The stretches of a segment from `middle - end` to `middle + end` whose points may be within a distance of the surface, in the order of
-    /// its facets. They reach over the borders of facets by `tolerance`. All lengths in m, in the axes of the wall.
+    /// Stretches of a segment from `middle - end` to `middle + end` that may be within a distance of the surface, in the order of its facets.
     ///
-    /// A face, a cylinder or a cone is seen from the side on which the stretch is, and that on which the middle is if the stretch goes through
-    /// it.
+    /// They extend beyond the borders of facets by `tolerance`. All lengths are in m, in the axes of the wall. A face, a cylinder or a cone is seen
+    /// from the side of the stretch; if the stretch passes through it, from the side of the middle.
     pub fn stretches(
         &self,
         middle: &Vec3,
@@ -247,7 +248,7 @@ impl TriangleMesh {
         over_faces.sort_unstable_by(|(one, a), (other, b)| {
             one.cmp(other).then_with(|| a[0].total_cmp(&b[0]))
         });
-        // However a face is cut, it is seen as one.
+        // The triangles of a face are merged, however it is cut.
         let mut last: Option<(u32, [f64; 2])> = None;
         for (face, range) in over_faces {
             match &mut last {
@@ -271,7 +272,7 @@ impl TriangleMesh {
         }
     }
 
-    /// The normal of a face, the height of the middle over it, and how much higher the end is.
+    /// Normal of a face, height of the middle over it, and rise from the middle to the end.
     fn height_over(&self, line: &Line, face: u32) -> (Vec3, f64, f64) {
         let Plane { normal, offset } = self.facets.faces[face as usize];
         (normal, line.middle.dot(&normal) - offset, line.end.dot(&normal))
@@ -290,7 +291,7 @@ impl TriangleMesh {
         }
     }
 
-    /// The stretch that stands over an edge, a corner or a strip.
+    /// The stretch over an edge, a corner or a strip.
     fn on_other(&self, line: &Line, facet: u32) -> Option<Stretch> {
         let Line { middle, end, tolerance, .. } = *line;
         let mut range = [-1.0, 1.0];
@@ -333,7 +334,7 @@ impl TriangleMesh {
                     keep(&mut range, way[0].dot(&within) + tolerance, way[1].dot(&within));
                 }
                 let within = |s: f64| round.distance(&(way[0] + way[1] * s), s);
-                // The nearest point of the surface, where the segment is as far from it as it can touch.
+                // Nearest point of the surface where the segment is at the largest distance.
                 let [place, rise] = round.height;
                 let beside = line.distance * round.slope / round.steep();
                 let between_ends = |side: f64| {
@@ -360,7 +361,7 @@ impl TriangleMesh {
     }
 }
 
-/// A segment, how near facets must be, and how far over their borders they reach.
+/// A segment, the largest distance of facets, and the extent of stretches beyond borders.
 struct Line<'a> {
     middle: &'a Vec3,
     end: &'a Vec3,
@@ -369,7 +370,7 @@ struct Line<'a> {
 }
 
 impl Line<'_> {
-    /// Does a way come so near to zero on the segment?
+    /// Whether a vector is shorter than the distance anywhere on the segment.
     fn is_near(&self, way: [Vec3; 2]) -> bool {
         let square = way[1].norm_squared();
         let nearest = if square > 0.0 { -way[0].dot(&way[1]) / square } else { 0.0 };
@@ -377,7 +378,7 @@ impl Line<'_> {
         nearest.norm_squared() < self.distance * self.distance
     }
 
-    /// The stretches that stand over chords of a rim, beyond the surface.
+    /// Stretches over chords of a rim, beyond the surface.
     fn on_rim(&self, facet: u32, rim: &Rim) -> impl Iterator<Item = Stretch> {
         let from_centre = self.middle - rim.centre();
         let tolerance = self.tolerance + ROUNDING * rim.radius();
@@ -400,7 +401,7 @@ impl Line<'_> {
         })
     }
 
-    /// The part of it whose points stand over a triangle.
+    /// Part of the segment whose points are over a triangle.
     fn over(&self, corners: &[Vec3; 3]) -> Option<[f64; 2]> {
         let [a, b, c] = corners;
         let normal = (b - a).cross(&(c - a));
@@ -414,7 +415,7 @@ impl Line<'_> {
     }
 }
 
-/// Leaves of a range what has `start + s slope >= 0`.
+/// Keeps the part of a range with `start + s slope >= 0`.
 fn keep(range: &mut [f64; 2], start: f64, slope: f64) {
     if slope > 0.0 {
         range[0] = range[0].max(-start / slope);

@@ -1,4 +1,4 @@
-//! From triangles to facets.
+//! Construction of facets from triangles.
 
 use super::facets::{Edge, Facets};
 use super::grid::Grid;
@@ -7,9 +7,9 @@ use crate::math::{Vec3, bounds};
 use crate::shape::facets::Plane;
 use std::collections::HashMap;
 
-/// A triangle is degenerate if it is flatter than this.
+/// Twice the area over the squared longest side below which a triangle is degenerate.
 const SLIVER: f64 = 1e-9;
-/// An edge that faces less than this faces nowhere [rad].
+/// An edge with a smaller opening has no directions [rad].
 const LEAST_OPENING: f64 = 1e-10;
 
 /// A side of a triangle.
@@ -18,9 +18,9 @@ pub(super) struct Side {
     /// Vertices, the lower first.
     pub(super) ends: [u32; 2],
     pub(super) triangle: u32,
-    /// Which of its sides.
+    /// Index of the side in the triangle.
     pub(super) number: u32,
-    /// Does the triangle have the lower vertex first?
+    /// Whether the triangle has the lower vertex first.
     rises: bool,
 }
 
@@ -30,7 +30,7 @@ impl Side {
     }
 }
 
-/// The sides of triangles, sorted: those with the same ends stand together.
+/// Sides of triangles, sorted so that sides with the same ends are consecutive.
 pub(super) fn sides_of(triangles: impl Iterator<Item = [u32; 3]>) -> Vec<Side> {
     let mut sides = Vec::new();
     for (corners, triangle) in triangles.zip(0..) {
@@ -44,30 +44,30 @@ pub(super) fn sides_of(triangles: impl Iterator<Item = [u32; 3]>) -> Vec<Side> {
     sides
 }
 
-/// A surface in the making.
+/// A surface under construction.
 #[derive(Default)]
 pub(super) struct Building {
     pub(super) vertices: Vec<Vec3>,
     pub(super) corners: Vec<[u32; 3]>,
-    /// See [`sides_of`].
+    /// Sides of the triangles, see [`sides_of`].
     pub(super) sides: Vec<Side>,
     pub(super) of_triangle: Vec<[u32; 4]>,
     facets: Facets,
     size: f64,
-    /// Corners nearer to each other, or to a side, are one, or lie in it [m].
+    /// Distance below which corners are merged, or count as in a side [m].
     pub(super) near: f64,
-    /// How many triangles are no images.
+    /// Number of triangles that are not images.
     pub(super) own: usize,
 }
 
 impl Building {
-    /// Takes these triangles in place of its own, of which the first `own` are no images.
+    /// Replaces the triangles; the first `own` are not images.
     pub(super) fn take(&mut self, corners: Vec<[u32; 3]>, own: usize) {
         self.of_triangle = vec![[NONE; 4]; corners.len()];
         (self.corners, self.own) = (corners, own);
     }
 
-    /// The surface. Contacts with normals that differ by less than an angle [rad] count once.
+    /// The finished surface. Contacts with normals that differ by less than an angle count once [rad].
     pub(super) fn finished(self, smooth: f64) -> TriangleMesh {
         let Self { vertices, corners, of_triangle, facets, own, .. } = self;
         let (low, high) = bounds(&vertices);
@@ -98,7 +98,7 @@ impl Building {
         (b - a).cross(&(c - a))
     }
 
-    /// Adds a strip between vertices, of which two triangles are made unless they have no area.
+    /// Adds a strip between vertices, as two triangles unless they have no area.
     pub(super) fn push_strip(&mut self, strip: Strip, ends: [u32; 4], is_there: [bool; 2]) {
         let number = self.facets.len() as u32;
         let mut vertices = ends;
@@ -112,13 +112,13 @@ impl Building {
         }
     }
 
-    /// The rims of strips, first all of one end.
+    /// Adds the rims of strips, first all of one end.
     pub(super) fn find_rims(&mut self) {
         for end in 0..2 {
             for (of, corners) in self.of_triangle.iter_mut().zip(&self.corners) {
                 for (number, &from) in corners.iter().enumerate() {
                     let to = corners[(number + 1) % 3];
-                    // Vertices of both ends stand in turn.
+                    // Vertices of both ends alternate.
                     if from % 2 == end && to % 2 == end {
                         let ends = [from.min(to), from.max(to)];
                         of[1 + number] = self.facets.push_edge(Edge { ends, ..Edge::default() });
@@ -140,9 +140,9 @@ impl Building {
         }
     }
 
-    /// From large triangles to their neighbours in the same plane.
+    /// Grows faces from large triangles to their neighbours in the same plane.
     pub(super) fn find_faces(&mut self) {
-        // Where the sides begin that have the ends of each side of a triangle.
+        // Index of the first side with the same ends, for each side of a triangle.
         let mut sides_at = vec![[0_u32; 3]; self.corners.len()];
         let mut begin = 0;
         for of in self.sides.chunk_by(Side::is_same) {
@@ -181,7 +181,7 @@ impl Building {
                     }
                 }
             }
-            // Of all its triangles: exact where one of them is narrow.
+            // From all triangles of the face, so that it is exact where one of them is narrow.
             let normal = snapped(&sum(&areas));
             vertices.sort_unstable();
             vertices.dedup();
@@ -211,8 +211,9 @@ impl Building {
         self.sides = sides;
     }
 
-    /// Where an edge faces: between the two of its triangles that have the largest angle between them. The first direction, and the
-    /// angle to the last.
+    /// First direction in which an edge faces, and the angle to the last; `None` if it faces nowhere.
+    ///
+    /// The edge faces between the two of its triangles that have the largest angle between them.
     fn directions(&self, of: &[Side], from: &Vec3, along: &Vec3) -> Option<(Vec3, f64)> {
         let mut faces: Vec<u32> =
             of.iter().map(|side| self.of_triangle[side.triangle as usize][0]).collect();
@@ -244,7 +245,7 @@ impl Building {
         (opening > LEAST_OPENING).then(|| (along.cross(&inwards), opening))
     }
 
-    /// Do two triangles in a plane lie on each other?
+    /// Whether two triangles in a plane lie on each other.
     fn is_folded(&self, of: &[Side]) -> bool {
         let [one, other] = [of[0], of[1]].map(|side| {
             let corner = self.corners[side.triangle as usize][(side.number as usize + 2) % 3];
@@ -254,7 +255,7 @@ impl Building {
         one.dot(&other) > 0.0
     }
 
-    /// Where edges that face somewhere end.
+    /// Adds the corners, which are the ends of edges.
     pub(super) fn find_corners(&mut self) {
         let mut has_edge = vec![false; self.vertices.len()];
         for facet in self.of_triangle.iter().flat_map(|of| &of[1..]).filter(|&&e| e != NONE) {
@@ -276,7 +277,7 @@ impl Building {
     }
 }
 
-/// By halves, so that many have few roundings.
+/// Sum by halves, so that many terms have few roundings.
 fn sum(vectors: &[Vec3]) -> Vec3 {
     match vectors {
         [] => Vec3::zeros(),
@@ -288,7 +289,7 @@ fn sum(vectors: &[Vec3]) -> Vec3 {
     }
 }
 
-/// A unit vector; along an axis, if it is by rounding.
+/// Unit vector of a vector; exactly along an axis if it is so within rounding.
 fn snapped(vector: &Vec3) -> Vec3 {
     let unit = vector.normalize();
     let main = unit.iamax();
@@ -297,7 +298,9 @@ fn snapped(vector: &Vec3) -> Vec3 {
     if (unit - axis).amax() < 1e-15 { axis } else { unit }
 }
 
-/// Vertices that are the same, but for a distance or rounding, are one; triangles without area, or twice there, are left out.
+/// Triangles with merged vertices: those within `weld` or rounding of each other become one.
+///
+/// Triangles without area and duplicates are left out.
 pub(super) fn welded(
     corners: &[[Vec3; 3]],
     own: usize,
@@ -341,7 +344,7 @@ pub(super) fn welded(
     building
 }
 
-/// Is it not flatter than rounding?
+/// Whether a triangle is not flat within rounding.
 pub(super) fn has_area([a, b, c]: &[Vec3; 3]) -> bool {
     let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
     (b - a).cross(&(c - a)).norm() > SLIVER * longest
@@ -351,7 +354,7 @@ pub(super) fn has_area([a, b, c]: &[Vec3; 3]) -> bool {
 struct Vertices {
     near: f64,
     all: Vec<Vec3>,
-    /// Those in each cell of a grid, whose cells are four times as wide.
+    /// Points in each cell of a grid, whose cells are four times as wide.
     cells: HashMap<[i64; 3], Vec<u32>>,
 }
 
@@ -365,7 +368,7 @@ impl Vertices {
         [point.x, point.y, point.z].map(|x| (x / width).floor() as i64)
     }
 
-    /// The number of the first that is near this point, which is a new one if there is none.
+    /// Number of the first point near this one, which is added if there is none.
     fn number_of(&mut self, point: &Vec3) -> u32 {
         let around = Vec3::repeat(self.near);
         let (low, high) = (self.cell(&(point - around)), self.cell(&(point + around)));
@@ -388,7 +391,7 @@ impl Vertices {
     }
 }
 
-/// FNV-1a of all numbers.
+/// FNV-1a hash of all numbers.
 fn checksum(vertices: &[Vec3], corners: &[[u32; 3]]) -> u64 {
     let numbers = vertices.iter().flat_map(|v| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>());
     let corners = corners.iter().flatten().map(|&k| u64::from(k));

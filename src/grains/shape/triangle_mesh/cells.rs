@@ -1,16 +1,17 @@
-//! The cells behind triangles, as they are made ([`super::solid`]).
+//! Construction of the cells behind triangles ([`super::solid`]).
 //!
-//! Behind a triangle lies a frustum: below its plane, within the planes at its edges, as deep as contacts can be. Most frusta are one cell. Others
-//! are cut:
+//! Behind a triangle lies a frustum: below its plane, within the planes at its edges, as deep as contacts can be. Most frusta are one cell.
+//! Others are cut:
 //!
-//! 1. Where a back is near, its shadow is divided from the rest of the frustum, and ends halfway. Of triangles that are small beside grains,
-//!    and of backs that are as far everywhere, the whole frustum ends at half of the least distance.
-//! 2. Where the frustum reaches through a convex edge that the triangle does not have itself, it is cut by the plane that halves the angle there.
-//! 3. Where another part comes into what is left, with the triangle on one side of it, the cell ends halfway.
-//! 4. Where a triangle of its own part comes into what is left, that is cut by the plane of this triangle. Of the pieces those remain that are
-//!    behind the part: no cell reaches out of a closed surface.
+//! 1. Where a back is near, its shadow is divided from the rest of the frustum and ends halfway. For triangles that are small beside
+//!    particles, and for backs at an even distance, the whole frustum ends at half of the least distance.
+//! 2. Where the frustum extends through a convex edge that the triangle does not have itself, it is cut by the plane that halves the angle
+//!    there.
+//! 3. Where another part enters what is left, with the triangle on one side of it, the cell ends halfway.
+//! 4. Where a triangle of its own part enters what is left, that is cut by the plane of this triangle. Only the pieces behind the part remain,
+//!    so no cell extends out of a closed surface.
 //!
-//! Faces that are one plane but for the digits of a file are one *flat*, with one set of cuts.
+//! Faces in one plane within the digits of a file are one *flat*, with one set of cuts.
 
 use super::TriangleMesh;
 use super::nearest::{is_over, nearest_on};
@@ -20,15 +21,15 @@ use crate::shape::facets::Plane;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 
-/// The triangle beyond each side of one, and which of its sides that is.
+/// Triangle beyond each side of a triangle, with the index of the shared side in it.
 pub(super) type Beyond = [Option<(u32, usize)>; 3];
 
 /// A side of a surface: its front, or its back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Front {
-    /// As the first triangle of its part has it.
+    /// The side of the normal of the first triangle of the part.
     Front,
-    /// The other.
+    /// The opposite side.
     Back,
 }
 
@@ -45,38 +46,40 @@ impl Front {
     }
 }
 
-/// Cells are cut only by their own edges where normals of faces are as near as this, as a cosine.
+/// Cosine above which the normals of faces are so near that cells are cut only by their own edges.
 const BENT: f64 = 0.9999;
-/// A cell into which more faces come is cut by its own edges alone.
+/// A cell that more faces enter is cut only by its own edges.
 const MOST: usize = 64;
-/// How far beside a face a point stands over it, over the size of the surface.
+/// Distance beside a face within which a point still counts as over it, over the size of the surface.
 const OVER: f64 = 1e-6;
-/// A surface whose normal is turned from the opposite one by more than an angle with this cosine is not the back of a plate.
+/// Cosine of the largest angle between a normal and the opposite one for which a surface is the back of a plate.
 const BACK: f64 = 0.5;
-/// Halfway to a back is deep enough beyond this part of the depth of contacts.
+/// A cell down to halfway to a back is deep enough beyond this part of the depth of contacts.
 const ENOUGH: f64 = 0.5;
-/// Frusta that are less wide than this part of that depth end as one.
+/// Frusta narrower than this part of that depth end at one depth.
 const SMALL: f64 = 0.125;
-/// Backs are as far everywhere if their distances differ by less than this.
+/// Backs are at an even distance if their distances differ by less than this factor.
 const EVEN: f64 = 1.1;
-/// They are everywhere if their shadows cover so much of a frustum.
+/// Part of a frustum that the shadows of such backs must cover.
 const COVERED: f64 = 0.999;
-/// Under more backs a frustum is halved first.
+/// A frustum with more backs than this is halved first.
 const FEW: usize = 8;
-/// A frustum is cut so often at most.
+/// Largest number of cuts of a frustum.
 const CUTS: usize = 64;
-/// A frustum goes on beside its triangle no farther than this many times its depth.
+/// Largest extent of a frustum beside its triangle, over its depth.
 const WIDEST: f64 = 64.0;
 
-/// Further planes of cells. Those of one stand behind each other, and so do the cells of one triangle, first from its front, then from its back.
+/// Further planes of cells, one cell after the other.
+///
+/// The cells of one triangle are consecutive, first those seen from its front, then those from its back.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Cells {
     planes: Vec<Plane>,
-    /// Where the planes of each cell begin.
+    /// Index of the first plane of each cell.
     first_plane: Vec<u32>,
-    /// Where the cells of each side of each triangle begin.
+    /// Index of the first cell of each side of each triangle.
     first_cell: Vec<u32>,
-    /// How often a triangle was looked at for another.
+    /// Number of times that a triangle was examined for another.
     pub(super) looked_at: usize,
 }
 
@@ -95,14 +98,14 @@ impl Cells {
         self.first_cell.push(self.first_plane.len() as u32 - 1);
     }
 
-    /// The planes of each cell of this number of a side.
+    /// Planes of each cell of a side with this number.
     pub(super) fn of(&self, side: usize) -> impl Iterator<Item = &[Plane]> {
         let cells = self.first_cell[side] as usize..=self.first_cell[side + 1] as usize;
         let range = |ends: &[u32]| &self.planes[ends[0] as usize..ends[1] as usize];
         self.first_plane[cells].windows(2).map(range)
     }
 
-    /// How many there are.
+    /// Number of cells.
     pub(super) const fn len(&self) -> usize {
         self.first_plane.len() - 1
     }
@@ -112,7 +115,7 @@ impl Cells {
         self.planes.iter_mut()
     }
 
-    /// Bytes that they take.
+    /// Memory that they hold [bytes].
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&*self.planes)
             + size_of_val(&*self.first_plane)
@@ -120,7 +123,7 @@ impl Cells {
     }
 }
 
-/// A side of a triangle, behind which cells are made.
+/// A side of a triangle, behind which cells are constructed.
 struct Seat {
     triangle: u32,
     front: Front,
@@ -129,23 +132,23 @@ struct Seat {
     borders: [Plane; 3],
     corners: [Vec3; 3],
     middle: Vec3,
-    /// Longest side of its box [m].
+    /// Diagonal of its bounding box [m].
     size: f64,
 }
 
 impl Seat {
-    /// Where the frustum ends that is so deep [m].
+    /// Plane at the end of a frustum of this depth [m].
     fn bottom(&self, depth: f64) -> Plane {
         Plane { normal: -self.own.normal, offset: depth - self.own.offset }
     }
 
-    /// What of a polygon lies within the planes at the edges, and these.
+    /// Part of a polygon within the planes at the edges and the given ones.
     fn within(&self, polygon: &[Vec3], planes: &[Plane]) -> Vec<Vec3> {
         let all = self.borders.iter().chain(planes);
         all.fold(polygon.to_vec(), |polygon, plane| below(&polygon, plane))
     }
 
-    /// A plane as seen from the middle.
+    /// A plane relative to the middle.
     fn place(&self, plane: &Plane) -> Plane {
         Plane { offset: plane.offset - plane.normal.dot(&self.middle), ..*plane }
     }
@@ -155,9 +158,9 @@ impl Seat {
 #[derive(Clone)]
 struct Back {
     triangle: u32,
-    /// The half-space of what is nearer to the triangle in front.
+    /// Half-space of the points nearer to the triangle in front.
     halfway: Plane,
-    /// What of it is under the triangle in front.
+    /// Part of the triangle that is under the triangle in front.
     polygon: Vec<Vec3>,
     /// Least and greatest half of the distance [m].
     half: [f64; 2],
@@ -165,20 +168,20 @@ struct Back {
 
 /// A part of a frustum.
 struct Part {
-    /// Its planes, but those of the frustum.
+    /// Its planes, without those of the frustum.
     planes: Vec<Plane>,
-    /// What of the triangle stands over it.
+    /// Part of the triangle over it.
     foot: Vec<Vec3>,
     backs: Vec<Back>,
 }
 
-/// What makes cells.
+/// Construction of all cells of a surface.
 pub(super) struct Making<'a> {
     mesh: &'a TriangleMesh,
     neighbours: &'a [Beyond],
-    /// How deep contacts can be [m].
+    /// Largest depth of contacts [m].
     deep: f64,
-    /// By two flats that meet, a triangle of the second.
+    /// A triangle of the second flat, for each two flats that meet.
     ridges: BTreeMap<(u32, u32), u32>,
     /// The box around each flat [m].
     boxes: Vec<[Vec3; 2]>,
@@ -186,7 +189,7 @@ pub(super) struct Making<'a> {
 }
 
 impl<'a> Making<'a> {
-    /// Of a surface whose parts and borders are known.
+    /// Construction for a surface whose parts and borders are known.
     pub(super) fn of(mesh: &'a TriangleMesh, neighbours: &'a [Beyond], deep: f64) -> Self {
         let empty = [Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)];
         let mut boxes = vec![empty; mesh.facets.faces.len()];
@@ -218,7 +221,7 @@ impl<'a> Making<'a> {
         cells
     }
 
-    /// What files may have rounded [m].
+    /// Largest rounding by files [m].
     fn rounded(&self) -> f64 {
         self.mesh.solid().rounded
     }
@@ -254,7 +257,7 @@ impl<'a> Making<'a> {
             let again = if left.len() == beyond.len() {
                 vec![planes]
             } else {
-                // What cuts nothing may be a back.
+                // A flat that cuts nothing may be a back.
                 self.by_backs(&seat, &planes.split_off(1), &near, &left)
             };
             for mut planes in again {
@@ -265,7 +268,7 @@ impl<'a> Making<'a> {
         cells
     }
 
-    /// The frustum within these planes too, seen from the middle.
+    /// The frustum within the given planes as well, relative to the middle.
     fn body(&self, seat: &Seat, planes: &[Plane]) -> Option<Clipped> {
         let mut body = Clipped::default();
         body.begin(&cube(2.0 * seat.size + WIDEST * self.deep));
@@ -273,7 +276,7 @@ impl<'a> Making<'a> {
         all.map(|plane| seat.place(plane)).all(|plane| body.cut(&plane)).then_some(body)
     }
 
-    /// The triangles of other flats in a box that may come into a frustum of twice the depth, in rising order.
+    /// Triangles of other flats in a box that may enter a frustum of twice the depth, in rising order.
     fn near(&mut self, seat: &Seat, (low, high): (Vec3, Vec3)) -> Vec<u32> {
         let level = self.mesh.solid().level;
         let flat = self.mesh.flat_of(seat.triangle);
@@ -295,7 +298,7 @@ impl<'a> Making<'a> {
         near
     }
 
-    /// Flats about a box that meet that of a triangle in convex edges, with it behind their planes, in rising order.
+    /// Flats around a box that meet that of a triangle in convex edges and have it behind their planes, in rising order.
     fn beyond(&self, seat: &Seat, (low, high): (Vec3, Vec3)) -> Vec<(u32, Plane)> {
         let own = self.mesh.flat_of(seat.triangle);
         let reach = Vec3::repeat(self.deep);
@@ -305,7 +308,7 @@ impl<'a> Making<'a> {
             (0..3).all(|axis| lowest[axis] <= high[axis] && highest[axis] >= low[axis])
         };
         let is_convex = |(flat, other): (u32, u32)| {
-            // Of a flat with several faces that at its own edge, whose plane the frustum has.
+            // A flat may have several faces: that at the triangle's own edge, whose plane the frustum has, is taken first.
             let at_edge = self.neighbours[seat.triangle as usize].iter().flatten();
             let other =
                 at_edge.map(|of| of.0).find(|&of| self.mesh.flat_of(of) == flat).unwrap_or(other);
@@ -319,14 +322,15 @@ impl<'a> Making<'a> {
         all.filter_map(|(&(_, flat), &other)| is_convex((flat, other))).collect()
     }
 
-    /// Does a triangle lie behind a plane, or in it?
+    /// Whether a triangle lies behind a plane, or in it.
     fn lies_below(&self, triangle: u32, plane: &Plane) -> bool {
         let height = |corner: &Vec3| corner.dot(&plane.normal) - plane.offset;
         self.corners(triangle).iter().all(|corner| height(corner) <= self.rounded())
     }
 
-    /// The frustum within these planes, in parts of which each ends halfway to what is behind it, without these flats: the planes of each, first
-    /// that where it ends.
+    /// Parts of the frustum within these planes, each of which ends halfway to its backs, without the flats of `but`.
+    ///
+    /// Each part is given by its planes, of which the first is its end.
     fn by_backs(
         &self,
         seat: &Seat,
@@ -362,7 +366,7 @@ impl<'a> Making<'a> {
         done
     }
 
-    /// Divides the shadow of the nearest back from the rest of a part. How many parts are new?
+    /// Divides the shadow of the nearest back from the rest of a part. Returns the number of new parts.
     fn divide(&self, seat: &Seat, mut part: Part, parts: &mut VecDeque<Part>) -> usize {
         let nearer = |one: &(usize, &Back), other: &(usize, &Back)| {
             one.1.half[0].total_cmp(&other.1.half[0])
@@ -387,7 +391,7 @@ impl<'a> Making<'a> {
         count
     }
 
-    /// A triangle as what is behind another, if it is.
+    /// A triangle as a back of the seat, if it is one.
     fn back(
         &self,
         seat: &Seat,
@@ -414,7 +418,7 @@ impl<'a> Making<'a> {
         }
         let polygon = seat.within(&self.corners(other), planes);
         let heights = || polygon.iter().map(|p| p.dot(&seat.own.normal) - seat.own.offset);
-        // What comes through the plane is no back.
+        // A triangle that passes through the plane is not a back.
         let is_back = !polygon.is_empty() && heights().all(|h| h < -mesh.solid().level);
         let half = [f64::min, f64::max].map(|of| heights().map(|h| -0.5 * h).reduce(of));
         let half = [half[0]?, half[1]?];
@@ -424,7 +428,7 @@ impl<'a> Making<'a> {
         })
     }
 
-    /// Are the backs of a part everywhere about twice as far behind as the nearest of them, with this half [m]?
+    /// Whether backs cover a part almost everywhere at about twice the distance `half` of the nearest one [m].
     fn is_even(&self, seat: &Seat, part: &Part, half: f64) -> bool {
         let Plane { normal, offset } = seat.own;
         let [x, y] = across(&normal);
@@ -436,8 +440,9 @@ impl<'a> Making<'a> {
         even.map(|back| area(&back.polygon, &normal)).sum::<f64>() >= COVERED * section
     }
 
-    /// Of flats beyond those that come into the frustum within these planes, and the planes that halve the angles there. What is cut off stands over these
-    /// flats, so that it belongs to the cells behind them.
+    /// Flats of `beyond` that enter the frustum within these planes, and the planes that halve the angles there.
+    ///
+    /// The part that is cut off is over these flats, so it belongs to the cells behind them.
     fn cuts_by(
         &self,
         seat: &Seat,
@@ -459,7 +464,7 @@ impl<'a> Making<'a> {
         if left.len() > MOST {
             return Default::default();
         }
-        // What one of them does not own may belong to none: those that are left are looked at again.
+        // A volume that a removed flat does not own may belong to none, so those that are left are examined again.
         loop {
             let owns = |&(flat, plane): &(u32, Plane)| {
                 let others = left.iter().filter(|(other, _)| *other != flat);
@@ -475,7 +480,7 @@ impl<'a> Making<'a> {
             }
             left = owned;
         }
-        // Those that cut off what others leave.
+        // Only planes that cut off what the previous ones leave.
         let mut cell = whole;
         let cuts = left.iter().filter(|(_, plane)| {
             let cut = cut_by(plane);
@@ -485,7 +490,7 @@ impl<'a> Making<'a> {
         (left, planes)
     }
 
-    /// Does a body, seen from a place, stand over a flat, by its vertices and points between them?
+    /// Whether a body relative to a place is over a flat, by its vertices and points between them.
     fn stands_over(&self, flat: u32, plane: &Plane, body: &Clipped, place: &Vec3) -> bool {
         let tolerance = OVER * self.mesh.reach;
         let is_over_it = |point: &Vec3| {
@@ -510,7 +515,7 @@ impl<'a> Making<'a> {
         })
     }
 
-    /// Adds a cell; in pieces, without those in front of the part, where triangles of that part come into it.
+    /// Adds a cell. Where triangles of its own part enter it, it is cut into pieces, and those in front of the part are dropped.
     fn keep_behind(
         &self,
         seat: &Seat,
@@ -548,7 +553,7 @@ impl<'a> Making<'a> {
         }
     }
 
-    /// The plane halfway to a triangle of another part, if the triangle of the seat lies on one side of its plane.
+    /// Plane halfway to a triangle of another part, if the triangle of the seat lies on one side of its plane.
     fn halfway(&self, seat: &Seat, other: u32) -> Option<Plane> {
         let plane = self.mesh.plane_from(other, Front::Front);
         let back = Plane { normal: -plane.normal, offset: -plane.offset };
@@ -557,7 +562,7 @@ impl<'a> Making<'a> {
         (plane.normal.dot(&seat.own.normal) <= BENT).then(|| nearer(&plane, &seat.own))
     }
 
-    /// Does a triangle come into the frustum within these planes, by more than files round?
+    /// Whether a triangle enters the frustum within these planes by more than the rounding of files.
     fn comes_in(&self, seat: &Seat, other: u32, planes: &[Plane]) -> bool {
         let all = [&seat.own].into_iter().chain(&seat.borders).chain(planes);
         let mut polygon = self.corners(other).to_vec();
@@ -567,7 +572,7 @@ impl<'a> Making<'a> {
         !polygon.is_empty()
     }
 
-    /// Is the frustum within these planes behind its part, by its middle?
+    /// Whether the middle of the frustum within these planes is behind the part.
     fn is_behind(&self, seat: &Seat, planes: &[Plane]) -> bool {
         let Some(body) = self.body(seat, planes) else { return false };
         let vertices = body.left().iter().map(|&k| body.vertices()[k as usize]);
@@ -581,7 +586,7 @@ impl<'a> Making<'a> {
 }
 
 impl Part {
-    /// Leaves what lies behind a plane.
+    /// Keeps the part behind a plane.
     fn cut(&mut self, plane: &Plane) {
         self.planes.push(*plane);
         self.foot = below(&self.foot, plane);
@@ -595,7 +600,7 @@ impl Part {
         self.backs.retain(has_area);
     }
 
-    /// What lies beyond a plane.
+    /// Part beyond a plane.
     fn beyond(&self, plane: &Plane) -> Self {
         let Self { planes, foot, backs } = self;
         let mut part = Self { planes: planes.clone(), foot: foot.clone(), backs: backs.clone() };
@@ -604,14 +609,14 @@ impl Part {
     }
 }
 
-/// The half-space of what is nearer to the second of two planes than to the first, behind both.
+/// Half-space of the points nearer to the second of two planes than to the first, behind both.
 fn nearer(first: &Plane, second: &Plane) -> Plane {
     let across = first.normal - second.normal;
     let length = across.norm();
     Plane { normal: across / length, offset: (first.offset - second.offset) / length }
 }
 
-/// What of a convex polygon lies below a plane.
+/// Part of a convex polygon below a plane.
 fn below(polygon: &[Vec3], plane: &Plane) -> Vec<Vec3> {
     let height = |p: &Vec3| p.dot(&plane.normal) - plane.offset;
     let mut left = Vec::with_capacity(polygon.len() + 1);
@@ -640,12 +645,12 @@ fn area_of(polygon: &[Vec3]) -> Vec3 {
     polygon.windows(2).map(fan).sum()
 }
 
-/// Twice the area of its shadow along a unit vector [m²].
+/// Twice the area of a polygon's shadow along a unit vector [m²].
 fn area(polygon: &[Vec3], along: &Vec3) -> f64 {
     area_of(polygon).dot(along).abs()
 }
 
-/// The plane across the middle of a polygon, along its longer extent, and that extent [m].
+/// Plane across the middle of a polygon along its longer extent, and that extent [m].
 fn extent(polygon: &[Vec3], normal: &Vec3) -> ((Vec3, f64), f64) {
     let longer = across(normal).map(|way| {
         let places = || polygon.iter().map(|p| p.dot(&way));

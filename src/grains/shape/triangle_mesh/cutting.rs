@@ -1,5 +1,4 @@
-//! Triangles that share no whole sides are cut until they do: a corner that lies within a side of another triangle would be
-//! felt beside that side.
+//! Cutting of triangles until all share whole sides. A corner within a side of another triangle would act as a corner beside that side.
 
 use super::building::{Building, Side, has_area, sides_of};
 use super::grid::Grid;
@@ -7,10 +6,10 @@ use super::nearest::nearest_on_segment;
 use super::{Findings, SurfaceError};
 use crate::math::Vec3;
 
-/// Pieces are cut again so often. Two times are enough unless sheets lie on each other.
+/// Largest number of rounds of cutting. Two are enough unless sheets lie on each other.
 const ROUNDS: usize = 16;
 
-/// The corners within the sides of a triangle, each in the order of the side.
+/// Corners within the sides of a triangle, each list in the order along the side.
 type Within = [Vec<u32>; 3];
 
 impl Building {
@@ -90,7 +89,7 @@ impl Building {
         found.chunk_by(|a, b| a.0 == b.0).map(of_triangle).collect()
     }
 
-    /// The pieces with an area of a triangle that is cut at corners within its sides.
+    /// Pieces with an area of a triangle that is cut at corners within its sides.
     fn cut(&self, triangle: &[u32; 3], within: &Within, pieces: &mut Vec<[u32; 3]>) {
         let Some(side) = (0..3).find(|&side| !within[side].is_empty()) else {
             if has_area(&triangle.map(|k| self.vertex(k))) {

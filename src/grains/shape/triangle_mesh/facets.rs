@@ -1,60 +1,60 @@
-//! What a grain can touch of a surface. What follows from the corners of triangles is not kept.
+//! Facets of a surface. Data that follow from the corners of triangles are not stored.
 
 use super::{NONE, Rim, Strip};
 use crate::math::Vec3;
 use crate::shape::facets::Plane;
 use serde::{Deserialize, Serialize};
 
-/// What a grain can touch, in the axes of the wall.
+/// A facet of a surface that particles can touch, in the axes of the wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MeshFacet {
     /// Triangles in a plane.
     Face {
-        /// Unit normal; which of the two means nothing.
+        /// Unit normal, on either side.
         normal: Vec3,
-        /// Of the plane along the normal [m].
+        /// Offset of the plane along the normal [m].
         offset: f64,
     },
     /// A straight edge.
     Edge {
-        /// Where it begins [m].
+        /// Begin of the edge [m].
         from: Vec3,
-        /// Unit vector along it.
+        /// Unit vector along the edge.
         along: Vec3,
-        /// Its length [m].
+        /// Length [m].
         length: f64,
-        /// The first direction in which it faces: the normal of a face.
+        /// First direction in which it faces: the normal of a face.
         first: Vec3,
-        /// The direction a quarter turn on from that.
+        /// Direction a quarter turn on from `first`.
         quarter: Vec3,
-        /// Angle from the first to the last [rad].
+        /// Angle from the first direction to the last [rad].
         opening: f64,
     },
     /// A part of a cylinder or a cone.
     Strip(Strip),
-    /// Where such a part ends.
+    /// The end of such a part.
     Rim(Rim),
     /// A point.
     Corner {
-        /// Where it is [m].
+        /// Position [m].
         at: Vec3,
     },
 }
 
-/// An edge that faces somewhere. Of a rim the ends are all there is.
+/// An edge with directions in which it faces. For a rim only the ends are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Edge {
     /// Vertices, the lower first.
     pub(super) ends: [u32; 2],
     /// 1 / length [1/m].
     pub(super) per_length: f64,
-    /// The first direction in which it faces.
+    /// First direction in which it faces.
     pub(super) first: Vec3,
-    /// Angle from that to the last [rad].
+    /// Angle from the first direction to the last [rad].
     pub(super) opening: f64,
 }
 
-/// Lists of numbers behind each other, and where each begins.
+/// Consecutive lists of numbers, with the begin of each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Lists {
     numbers: Vec<u32>,
@@ -97,9 +97,9 @@ pub(super) struct Facets {
     edges: Vec<Edge>,
     /// Vertices of corners.
     corners: Vec<u32>,
-    /// The vertices to which edges lead from each corner.
+    /// Vertices to which edges lead from each corner.
     beyond: Lists,
-    /// The corner at each vertex, or [`NONE`].
+    /// Corner at each vertex, or [`NONE`].
     corner_of: Vec<u32>,
 }
 
@@ -116,13 +116,13 @@ impl Facets {
         self.of_face.push(vertices);
     }
 
-    /// Adds an edge after all faces, and says its number.
+    /// Adds an edge after all faces, and returns its number.
     pub(super) fn push_edge(&mut self, edge: Edge) -> u32 {
         self.edges.push(edge);
         (self.len() - 1) as u32
     }
 
-    /// Leaves out all edges of a surface without corners.
+    /// Removes all edges of a surface without corners.
     pub(super) fn leave_out_edges(&mut self) {
         self.edges.clear();
     }
@@ -137,12 +137,12 @@ impl Facets {
         self.corner_of[index] = number;
     }
 
-    /// The corner at a vertex.
+    /// Corner at a vertex.
     pub(super) fn corner_of(&self, vertex: u32) -> Option<u32> {
         self.corner_of.get(vertex as usize).copied().filter(|&corner| corner != NONE)
     }
 
-    /// How many there are of faces or strips, edges, and corners.
+    /// Numbers of faces or strips, of edges and of corners.
     pub(super) const fn counts(&self) -> [usize; 3] {
         [self.of_face.len(), self.edges.len(), self.corners.len()]
     }
@@ -152,7 +152,7 @@ impl Facets {
         faces + edges + corners
     }
 
-    /// Its vertices.
+    /// Vertices of a facet.
     pub(super) fn vertices_of(&self, facet: u32) -> &[u32] {
         let [faces, edges, _] = self.counts();
         let facet = facet as usize;
@@ -170,7 +170,7 @@ impl Facets {
         faces <= facet as usize && (facet as usize) < faces + edges
     }
 
-    /// One by its number.
+    /// The facet of a number.
     pub(super) fn get(&self, facet: u32, vertices: &[Vec3]) -> MeshFacet {
         let [faces, edges, _] = self.counts();
         let facet = facet as usize;
@@ -180,7 +180,7 @@ impl Facets {
             MeshFacet::Strip(*strip)
         } else if let Some(edge) = self.edges.get(facet - faces) {
             let Edge { ends, per_length, first, opening } = *edge;
-            // A strip has its vertices where it begins and ends in turn, and all rims of one end follow each other.
+            // The vertices of strips alternate between begin and end, and all rims of one end are consecutive.
             if let Some(&strip) = self.strips.get((facet - faces) % faces) {
                 let [height, outwards] =
                     if ends[0] % 2 == 0 { [0.0, -1.0] } else { [strip.length, 1.0] };
@@ -203,7 +203,7 @@ impl Facets {
         self.beyond.get(corner).iter().map(move |&k| (vertices[k as usize] - at).normalize())
     }
 
-    /// Takes axes that begin at this place [m].
+    /// Moves the origin of the axes to this place [m].
     pub(super) fn see_from(&mut self, place: &Vec3) {
         for Plane { normal, offset } in &mut self.faces {
             *offset -= normal.dot(place);
@@ -213,7 +213,7 @@ impl Facets {
         }
     }
 
-    /// Bytes that they take.
+    /// Memory that they hold [bytes].
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&*self.faces)
             + size_of_val(&*self.strips)

@@ -1,9 +1,9 @@
-//! Where triangles are looked for.
+//! Grid for the search of triangles.
 
 use crate::math::{Vec3, bounds};
 use serde::{Deserialize, Serialize};
 
-/// Cells with the triangles that come into them.
+/// Cells with the triangles that enter them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Grid {
     low: Vec3,
@@ -17,7 +17,7 @@ impl Grid {
     pub(super) fn of(vertices: &[Vec3], corners: &[[u32; 3]]) -> Self {
         let (low, high) = bounds(vertices);
         let extent = high - low;
-        // At most so many cells, about four for each triangle.
+        // Largest number of cells, about four for each triangle.
         let most = 4.0 * corners.len() as f64 + 64.0;
         let mut side = extent.max() / most.sqrt().max(4.0);
         let cells = |side: f64| extent.map(|along| (along / side).floor().clamp(1.0, 1e6));
@@ -40,10 +40,10 @@ impl Grid {
                 (from, along, reach(&along))
             });
             let thickness = reach(&normal);
-            // Cells overlap a little: what is looked up by a point that is rounded must be there.
+            // Cells overlap a little, so that a search by a rounded point finds its triangles.
             let leeway = Vec3::repeat(1e-9 * extent.norm());
             grid.for_each_cell(&(low - leeway), &(high + leeway), |cell, middle| {
-                // A long thin triangle stays out of most cells of the box around it.
+                // A long thin triangle stays out of most cells of its bounding box.
                 let beside =
                     outwards.iter().any(|(on, along, reach)| (middle - *on).dot(along) > *reach);
                 if (middle - a).dot(&normal).abs() <= thickness && !beside {
@@ -63,14 +63,14 @@ impl Grid {
         grid
     }
 
-    /// Every cell that a box touches, with its middle; none if the box is outside.
+    /// Calls `visit` for every cell that a box touches, with its middle; for none if the box is outside.
     fn for_each_cell(&self, low: &Vec3, high: &Vec3, mut visit: impl FnMut(usize, Vec3)) {
         let mut ranges = [(0, 0); 3];
         for axis in 0..3 {
             let cell = |place: f64| ((place - self.low[axis]) / self.width[axis]).floor();
             let (from, to, last) =
                 (cell(low[axis]), cell(high[axis]), self.count[axis] as f64 - 1.0);
-            // A surface in a plane has no width of its own.
+            // A surface in a plane has no width.
             let flat = self.width[axis] == f64::MIN_POSITIVE;
             if !flat && (to < -1.0 || from > last + 1.0) {
                 return;
@@ -93,7 +93,7 @@ impl Grid {
         }
     }
 
-    /// Every triangle in the cells that a box touches, some of them several times.
+    /// Calls `visit` for every triangle in the cells that a box touches, for some of them several times.
     pub(super) fn for_each_in(&self, low: &Vec3, high: &Vec3, mut visit: impl FnMut(u32)) {
         self.for_each_cell(low, high, |cell, _| {
             let range = self.first[cell] as usize..self.first[cell + 1] as usize;
@@ -101,12 +101,12 @@ impl Grid {
         });
     }
 
-    /// Takes axes that begin at this place [m].
+    /// Moves the origin of the axes to this place [m].
     pub(super) fn see_from(&mut self, place: &Vec3) {
         self.low -= place;
     }
 
-    /// Bytes that it holds.
+    /// Memory that it holds [bytes].
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&*self.first) + size_of_val(&*self.triangles)
     }

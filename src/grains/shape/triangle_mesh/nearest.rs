@@ -20,7 +20,7 @@ pub(super) fn nearest_on(corners: &[Vec3; 3], point: &Vec3) -> Vec3 {
     sides.iter().min_by(nearer).copied().unwrap_or(*a)
 }
 
-/// Is the foot of a point on the plane of a triangle in it, or nearer to it than a tolerance [m], about?
+/// Whether the foot of a point on the plane of a triangle is in the triangle, within a tolerance [m].
 pub fn is_over(corners: &[Vec3; 3], point: &Vec3, tolerance: f64) -> bool {
     let [a, b, c] = corners;
     let normal = (b - a).cross(&(c - a));
@@ -30,7 +30,9 @@ pub fn is_over(corners: &[Vec3; 3], point: &Vec3, tolerance: f64) -> bool {
     })
 }
 
-/// Have two triangles an area in common, if one is moved by `tolerance` at most [m]? They do not if a side of one separates them.
+/// Whether two triangles have an area in common if one is moved by at most `tolerance` [m].
+///
+/// They have none if a side of one separates them.
 pub(super) fn lie_in_each_other(one: &[Vec3; 3], other: &[Vec3; 3], tolerance: f64) -> bool {
     let sides = |[a, b, c]: &[Vec3; 3]| [(*a, *b, *c), (*b, *c, *a), (*c, *a, *b)];
     let normal = (one[1] - one[0]).cross(&(one[2] - one[0])).normalize();
@@ -45,8 +47,10 @@ pub(super) fn lie_in_each_other(one: &[Vec3; 3], other: &[Vec3; 3], tolerance: f
     lies_in && !is_apart(one, other) && !is_apart(other, one)
 }
 
-/// Does a triangle come into a box of this middle and these half sides [m]? It does not if an axis separates them: one of the box, the
-/// normal of the triangle, or one at right angles to a side of both (Akenine-Möller 2001, DOI 10.1080/10867651.2001.10487535).
+/// Whether a triangle enters a box with this middle and these half sides [m].
+///
+/// It does not if an axis separates them: one of the box, the normal of the triangle, or one at right angles to a side of both
+/// (Akenine-Möller 2001, DOI 10.1080/10867651.2001.10487535).
 pub(super) fn comes_into(corners: &[Vec3; 3], middle: &Vec3, half: &Vec3) -> bool {
     let [a, b, c] = corners.map(|corner| corner - middle);
     let sides = [b - a, c - b, a - c];
@@ -58,7 +62,7 @@ pub(super) fn comes_into(corners: &[Vec3; 3], middle: &Vec3, half: &Vec3) -> boo
         let places = [a, b, c].map(|corner| corner.dot(&axis));
         let (least, most) =
             (places[0].min(places[1]).min(places[2]), places[0].max(places[1]).max(places[2]));
-        // Along an axis of no length nothing is apart.
+        // An axis of no length separates nothing.
         axis == Vec3::zeros() || least < reach && most > -reach
     })
 }

@@ -1,29 +1,29 @@
-//! What lies behind triangles, for grains with faces.
+//! Volume behind triangles, for particles with faces.
 //!
-//! A face of a grain has no contact point that a triangle could be asked about: what counts is what the grain shares with the
-//! body of the wall ([`crate::contact::thickness`]). That body is made of *cells*. Behind each triangle lies one, or some, convex, bounded by
+//! A face of a particle has no contact point for which a triangle could be examined. Its contact follows from the volume that the particle
+//! shares with the body of the wall ([`crate::contact::thickness`]). That body consists of *cells*. Behind each triangle there are one or
+//! more of them, convex and bounded by
 //!
 //! - the plane of the triangle,
 //! - at each of its edges the plane that halves the angle to the next triangle; where the surface ends, the plane upright on it,
 //! - a plane as deep as contacts can be,
-//! - further planes where a surface is nearer behind, and where cells would come through others ([`super::cells`]).
+//! - further planes where a surface is nearer behind, and where cells would extend through others ([`super::cells`]).
 //!
-//! Cells of one side do not overlap near the surface, and leave no gap there. They never move in the axes of the wall, so that an energy
-//! of what a grain shares with them depends on its pose alone.
+//! Cells of one side do not overlap near the surface, and leave no gap there. They never move in the axes of the wall, so the energy of the
+//! shared volume depends on the pose of the particle alone.
 //!
-//! A grain is in front of a part of the surface that hangs together, on the side of its centre: that on which the centre is of the
-//! nearest triangle.
+//! A particle is in front of a connected part of the surface on the side of its centre: the side of the nearest triangle where the centre is.
 //!
-//! # Which cells are one surface
+//! # Joined cells
 //!
-//! A *flat* is a face, or several that are in one plane but for the digits of a file.
+//! A *flat* is a face, or several faces in one plane within the digits of a file.
 //!
 //! | two triangles | weight |
 //! |---|---|
 //! | of one flat, or of flats that meet in convex edges only | 1 |
 //! | of flats that meet in a concave edge | from 1 below [`ONE`] to 0 above [`APART`], by its angle |
 //! | of others, neither of which is in front of the other | 1 |
-//! | of others | the same by the angle between their normals, or by that at which the nearest points of both stand over each other, if that is more |
+//! | of others | the same, by the angle between their normals, or by the elevation of the nearest points of both over each other, if that is larger |
 
 use super::building::{Side, sides_of};
 use super::cells::{Beyond, Cells, Front, Making};
@@ -33,22 +33,22 @@ use crate::math::Vec3;
 use crate::shape::facets::Plane;
 use serde::{Deserialize, Serialize};
 
-/// Faces of a smaller concave angle are one surface [rad].
+/// Faces with a smaller concave angle are one surface [rad].
 const ONE: f64 = 20.0 * std::f64::consts::PI / 180.0;
-/// Faces of a larger concave angle are two surfaces [rad].
+/// Faces with a larger concave angle are two surfaces [rad].
 const APART: f64 = 45.0 * std::f64::consts::PI / 180.0;
-/// Folds that are sharper than this have no plane that halves them: sum of unit vectors across.
+/// Sum of unit vectors across a fold below which no plane halves it.
 const FOLDED: f64 = 1e-6;
-/// What is nearer to a plane than this part of the size of the surface lies in it.
+/// A point nearer to a plane than this part of the size of the surface counts as in it.
 const LEVEL: f64 = 1e-10;
-/// The digits of a file, seven in STL, are worth less than this, over the size of the surface.
+/// Bound of the rounding by a file, seven digits in STL, over the size of the surface.
 const ROUNDED: f64 = 2e-7;
-/// How deep contacts can be, over how far grains reach.
+/// Largest depth of contacts, over the largest extent of particles.
 const DEEP: f64 = 1.0 / 3.0;
-/// A point of a triangle is at a corner, or on a side, if it is as near as this, over the size of the triangle.
+/// A point this near to a corner or side of a triangle counts as on it, over the size of the triangle.
 const AT: f64 = 1e-9;
 
-/// Why a surface has no two sides.
+/// Reason why a surface does not have two sides.
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
 pub enum NoSolid {
     /// A Möbius strip.
@@ -62,37 +62,37 @@ pub enum NoSolid {
     Round,
 }
 
-/// What is behind one triangle.
+/// Data of the volume behind one triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Behind {
-    /// Whether the normal of its face points to the side that its part calls the front: 1, or -1.
+    /// Sign of the normal of its face towards the front of its part: 1 or -1.
     sign: f64,
-    /// Which part of the surface it belongs to.
+    /// Part of the surface to which the triangle belongs.
     part: u32,
-    /// At each edge, the plane that halves the angle, with its normal out of the cell.
+    /// Plane that halves the angle at each edge, with its normal out of the cell.
     borders: [Plane; 3],
 }
 
-/// Flats that meet, with their weights seen from the front and from the back.
+/// Two flats that meet, with their weights seen from the front and from the back.
 type Meeting = (u32, u32, [f64; 2]);
 
-/// What is behind all triangles.
+/// Volume behind all triangles.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Solid {
     behind: Vec<Behind>,
-    /// The flat of each face.
+    /// Flat of each face.
     flat_of: Vec<u32>,
     /// In rising order.
     meetings: Vec<Meeting>,
     cells: Cells,
-    /// What is nearer to a plane lies in it [m].
+    /// Distance from a plane below which a point counts as in it [m].
     pub(super) level: f64,
-    /// What is nearer to a plane lies in it but for the digits of a file [m].
+    /// Distance from a plane below which a point rounded by a file counts as in it [m].
     pub(super) rounded: f64,
 }
 
 impl Solid {
-    /// Takes axes that begin at this place [m].
+    /// Moves the origin of the axes to this place [m].
     pub(super) fn see_from(&mut self, place: &Vec3) {
         let borders = self.behind.iter_mut().flat_map(|behind| &mut behind.borders);
         for plane in borders.chain(self.cells.planes()) {
@@ -100,7 +100,7 @@ impl Solid {
         }
     }
 
-    /// Bytes that it holds.
+    /// Memory that it holds [bytes].
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&*self.behind)
             + size_of_val(&*self.flat_of)
@@ -115,32 +115,32 @@ impl Solid {
     }
 }
 
-/// 1, or -1 where a triangle is turned round against the first of its part; and the number of that part.
+/// Sign of a triangle, -1 if it is reversed against the first one of its part, and the number of that part.
 type Orientation = (f64, u32);
 
 /// A triangle near a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Near {
-    /// Its number.
+    /// Number of the triangle.
     pub triangle: u32,
-    /// Its distance from the point [m].
+    /// Distance from the point [m].
     pub distance: f64,
 }
 
 impl TriangleMesh {
-    /// With what is behind its triangles, for grains with faces that reach so far at most [m].
+    /// Copy with the volume behind the triangles, for particles with faces that reach this far at most [m].
     ///
     /// # Errors
-    /// If the surface has no two sides.
+    /// If the surface does not have two sides.
     pub fn with_cells(mut self, farthest: f64) -> Result<Self, NoSolid> {
         self.add_cells(farthest)?;
         Ok(self)
     }
 
-    /// Adds what is behind its triangles: see [`TriangleMesh::with_cells`].
+    /// Adds the volume behind the triangles, see [`TriangleMesh::with_cells`].
     ///
     /// # Errors
-    /// If the surface has no two sides; then nothing is added.
+    /// If the surface does not have two sides; then nothing is added.
     pub fn add_cells(&mut self, farthest: f64) -> Result<(), NoSolid> {
         self.solid = None;
         if !self.facets.strips.is_empty() {
@@ -180,17 +180,17 @@ impl TriangleMesh {
         Ok(())
     }
 
-    /// Are there cells behind its triangles?
+    /// Whether there are cells behind the triangles.
     pub const fn has_cells(&self) -> bool {
         self.solid.is_some()
     }
 
-    /// How many cells there are, and how often a triangle was looked at for another as they were made: what making them costs.
+    /// Cost of the cells: their number, and the number of times that a triangle was examined for another.
     pub fn cells_made(&self) -> [usize; 2] {
         self.solid.as_ref().map_or([0; 2], |solid| [solid.cells.len(), solid.cells.looked_at])
     }
 
-    /// The triangles nearer to a point than a distance [m], in rising order.
+    /// Finds the triangles nearer to a point than a distance [m], in rising order.
     pub fn triangles_near(&self, point: &Vec3, distance: f64, near: &mut Vec<Near>) {
         near.clear();
         let reach = Vec3::repeat(distance);
@@ -205,12 +205,14 @@ impl TriangleMesh {
         near.dedup_by_key(|near| near.triangle);
     }
 
-    /// The face of a triangle.
+    /// Face of a triangle.
     pub fn face_of(&self, triangle: u32) -> u32 {
         self.triangles[triangle as usize].facets[0]
     }
 
-    /// The flat to which a triangle belongs: faces that are in one plane, but for the digits of a file. It has the number of its first face.
+    /// Flat to which a triangle belongs, with the number of its first face.
+    ///
+    /// A flat consists of faces in one plane within the digits of a file.
     ///
     /// # Panics
     /// If there are no cells.
@@ -218,7 +220,7 @@ impl TriangleMesh {
         self.solid().flat_of[self.face_of(triangle) as usize]
     }
 
-    /// The part of the surface to which a triangle belongs.
+    /// Part of the surface to which a triangle belongs.
     ///
     /// # Panics
     /// If there are no cells.
@@ -226,8 +228,10 @@ impl TriangleMesh {
         self.behind(triangle).part
     }
 
-    /// On which side of one of its parts a point is, by the nearest of these triangles that belong to it. Where that is nearest at an edge or a
-    /// corner, by the mean of the normals there, weighted by the angles of triangles (Bærentzen and Aanæs 2005, DOI 10.1109/TVCG.2005.49).
+    /// Side of a part of the surface on which a point is, by the nearest of those triangles in `near` that belong to the part.
+    ///
+    /// Where the nearest point is on an edge or a corner, the mean of the normals there decides, weighted by the angles of triangles (Bærentzen and
+    /// Aanæs 2005, DOI 10.1109/TVCG.2005.49).
     ///
     /// # Panics
     /// If there are no cells.
@@ -250,7 +254,7 @@ impl TriangleMesh {
         if height < 0.0 { Front::Back } else { Front::Front }
     }
 
-    /// The vertices of a triangle between which a point of it lies: one at a corner, two on a side.
+    /// Vertices of a triangle between which a point of it lies: one at a corner, two on a side.
     fn vertices_at(&self, triangle: u32, point: &Vec3) -> Vec<u32> {
         let numbers = self.triangles[triangle as usize].corners;
         let corners = self.corners(&self.triangles[triangle as usize]);
@@ -266,7 +270,7 @@ impl TriangleMesh {
         side.map_or_else(|| numbers.to_vec(), |side| side.map(|k| numbers[k]).to_vec())
     }
 
-    /// The angle of a triangle at one of its corners [rad].
+    /// Angle of a triangle at one of its corners [rad].
     fn angle_at(&self, triangle: u32, vertex: u32) -> f64 {
         let [a, b, c] = self.triangles[triangle as usize].corners;
         let [one, other] = if vertex == a {
@@ -280,7 +284,7 @@ impl TriangleMesh {
         angle_between(&way(one), &way(other))
     }
 
-    /// The planes of the cells behind a triangle, seen from a side, without its own.
+    /// Planes of the cells behind a triangle, seen from a side, without that of the triangle.
     ///
     /// # Panics
     /// If there are no cells.
@@ -294,12 +298,12 @@ impl TriangleMesh {
         own.map(|planes| borders.iter().chain(planes).copied())
     }
 
-    /// The planes at the edges of a triangle, with their normals out of its cells.
+    /// Planes at the edges of a triangle, with their normals out of its cells.
     pub(super) fn borders(&self, triangle: u32) -> [Plane; 3] {
         self.behind(triangle).borders
     }
 
-    /// The plane of a triangle, with its normal to the side from which it is seen.
+    /// Plane of a triangle, with its normal to the side from which it is seen.
     ///
     /// # Panics
     /// If there are no cells.
@@ -309,7 +313,7 @@ impl TriangleMesh {
         Plane { normal: normal * sign, offset: offset * sign }
     }
 
-    /// How far the cells behind two triangles are one surface, each seen from a side: from 0 to 1.
+    /// Degree to which the cells behind two triangles are joined, each seen from a side: from 0 to 1.
     ///
     /// # Panics
     /// If there are no cells.
@@ -349,7 +353,7 @@ impl TriangleMesh {
         weight(angle.max(libm::asin(elevation)))
     }
 
-    /// Do two flats meet in an edge? Then all of their cells are one to the same part.
+    /// Whether two flats meet in an edge. If so, all of their cells are joined to the same degree.
     ///
     /// # Panics
     /// If there are no cells.
@@ -365,12 +369,12 @@ impl TriangleMesh {
         &self.solid().behind[triangle as usize]
     }
 
-    /// The plane of the face of a triangle.
+    /// Plane of the face of a triangle.
     pub(super) fn plane(&self, triangle: u32) -> Plane {
         self.facets.faces[self.face_of(triangle) as usize]
     }
 
-    /// Where a side of a triangle begins, and the unit vector that leads out of it there, in its plane.
+    /// Begin of a side of a triangle, and the unit vector out of the triangle there, in its plane.
     fn across(&self, triangle: u32, side: usize) -> (Vec3, Vec3) {
         let triangle_of = &self.triangles[triangle as usize];
         // Both triangles of an edge begin at the same end.
@@ -383,7 +387,7 @@ impl TriangleMesh {
         (from, if (third - from).dot(&across) > 0.0 { -across } else { across })
     }
 
-    /// The triangle beyond each side of each triangle, and which of its sides that is; and the sign and the part of each triangle.
+    /// Triangle beyond each side of each triangle, with the index of the shared side in it; and the sign and the part of each triangle.
     ///
     /// # Errors
     /// If a part has one side only.
@@ -415,16 +419,17 @@ impl TriangleMesh {
         })
     }
 
-    /// Which of three sides of triangles or more, with the same ends, go on in each other. Where all triangles agree on what is in front, those
-    /// with a solid between them; else neighbours around the edge that are of one part, and have one side of it between them; of the rest those that bend
-    /// least, by less than a right angle.
+    /// Pairs of sides that continue in each other, among three or more sides of triangles with the same ends.
+    ///
+    /// Where all triangles agree on their orientation, sides with a solid between them are paired. Otherwise neighbours around the edge are paired
+    /// that belong to one part and have one side of it between them. The remaining sides are paired in order of the least bend, below a right angle.
     fn pairs_around<'a>(&self, of: &'a [Side], parts: &[(f64, u32)]) -> Vec<[&'a Side; 2]> {
         struct Around<'a> {
             side: &'a Side,
             into: Vec3,
             angle: f64,
             part: u32,
-            /// Do corners in their order go round it as seen from beyond it, and is that the front of its part?
+            /// Whether the corners run around it seen from beyond; `shows_front`: whether that is the front of its part.
             turns: bool,
             shows_front: bool,
         }
@@ -468,7 +473,7 @@ impl TriangleMesh {
         pairs.into_iter().map(|pair| pair.map(|k| around[k].side)).collect()
     }
 
-    /// The sign of each triangle, and the part to which it belongs.
+    /// Sign of each triangle, and the part to which it belongs.
     fn parts(&self, neighbours: &[Beyond]) -> Result<Vec<(f64, u32)>, NoSolid> {
         let mut found: Vec<Option<(f64, u32)>> = vec![None; self.triangles.len()];
         let mut part = 0;
@@ -482,8 +487,8 @@ impl TriangleMesh {
                 let sign = found[triangle as usize].map_or(1.0, |(sign, _)| sign);
                 for (k, beyond) in neighbours[triangle as usize].iter().enumerate() {
                     let &Some((other, side)) = beyond else { continue };
-                    // Seen from the front, the way across turned a quarter about the edge is the normal, and in the next triangle that to
-                    // the other side.
+                    // Seen from the front, the outward vector turned by a quarter about the edge is the normal. In the next triangle it is the normal
+                    // to the other side.
                     let turns = |t: u32, k: usize| {
                         let (from, across) = self.across(t, k);
                         let corners = &self.triangles[t as usize].corners;
@@ -510,7 +515,7 @@ impl TriangleMesh {
         Ok(found.into_iter().flatten().collect())
     }
 
-    /// The flat of each face: neighbours from the first face on that are in its plane, but for this distance [m].
+    /// Flat of each face: neighbours of its first face, directly or through others, that are in its plane within this distance [m].
     fn flats(&self, neighbours: &[Beyond], rounded: f64) -> Vec<u32> {
         let mut flat_of = vec![NONE; self.facets.faces.len()];
         let mut is_known = vec![false; self.triangles.len()];
@@ -565,7 +570,7 @@ impl TriangleMesh {
             }
         }
         meetings.sort_by_key(|meeting| (meeting.0, meeting.1));
-        // Of several edges, the one that holds least together counts.
+        // Where two flats share several edges, the least weight counts.
         meetings.dedup_by(|again, first| {
             let is_same = (again.0, again.1) == (first.0, first.1);
             if is_same {
@@ -577,7 +582,7 @@ impl TriangleMesh {
     }
 }
 
-/// 1 of small angles, 0 of large ones.
+/// Weight of an angle: 1 for small angles, 0 for large ones.
 fn weight(angle: f64) -> f64 {
     let x = ((APART - angle) / (APART - ONE)).clamp(0.0, 1.0);
     x * x * (3.0 - 2.0 * x)
@@ -587,7 +592,7 @@ fn angle_between(one: &Vec3, other: &Vec3) -> f64 {
     libm::atan2(one.cross(other).norm(), one.dot(other))
 }
 
-/// The shortest way from a triangle to another that does not cross it [m].
+/// Shortest vector from a triangle to another that does not intersect it [m].
 fn way_between(one: &[Vec3; 3], other: &[Vec3; 3]) -> Vec3 {
     let to_corners = other.iter().map(|corner| corner - nearest_on(one, corner));
     let from_corners = one.iter().map(|corner| nearest_on(other, corner) - corner);
@@ -602,7 +607,7 @@ fn way_between(one: &[Vec3; 3], other: &[Vec3; 3]) -> Vec3 {
         .unwrap_or_else(Vec3::zeros)
 }
 
-/// The way between the nearest points of two lines if they lie within both segments, else that between the first ends.
+/// Vector between the nearest points of two lines if these lie within both segments, else between the first ends.
 fn between_segments((a, b): (Vec3, Vec3), (c, d): (Vec3, Vec3)) -> Vec3 {
     let (along, beyond, way) = (b - a, d - c, c - a);
     let (aa, bb, ab) = (along.norm_squared(), beyond.norm_squared(), along.dot(&beyond));

@@ -1,11 +1,11 @@
-//! Volume, centre of mass and inertia of what any of several pieces holds.
+//! Volume, centre of mass and inertia of the points in any of several pieces.
 //!
 //! | pieces | |
 //! |---|---|
 //! | disjoint | sum, exact |
-//! | polyhedra | by inclusion and exclusion of what they share, exact ([`crate::shape::clip`]) |
+//! | polyhedra | by inclusion and exclusion of their shared volumes, exact ([`crate::shape::clip`]) |
 //! | balls, no three of which overlap | less the lens of each two, exact |
-//! | others that overlap | along lines in a grid, exact along each; the error is the change from half as many |
+//! | others that overlap | along lines in a grid, exact along each; the error is the change from half the number of lines |
 
 use super::{Piece, UnionError};
 use crate::math::{Mat3, Vec3, bounds};
@@ -15,14 +15,14 @@ use crate::shape::moments::{Moments, Principal};
 use crate::shape::{Ellipsoid, Shape};
 use std::f64::consts::PI;
 
-/// A volume that two polyhedra share is nothing if it is less than this part of the smaller one.
+/// A volume shared by two polyhedra counts as none below this part of the smaller one.
 const SLIVER: f64 = 1e-12;
 /// Lines along each side of the grid.
 const LINES: usize = 256;
-/// A line is looked at so often for where it enters a body of which no closed form is known.
+/// Samples of a line for its entry into a body without a closed form.
 const LOOKS: usize = 64;
 
-/// Volume and the rest, and the relative error of the volume.
+/// Moments of the body, and the relative error of the volume.
 pub(super) fn of(pieces: &[Piece]) -> Result<(Principal, f64), UnionError> {
     let origin = pieces.iter().map(|piece| piece.centre).sum::<Vec3>() / pieces.len() as f64;
     let mut sum = Moments::none(origin);
@@ -71,7 +71,7 @@ fn near_pairs(pieces: &[Piece]) -> Vec<[usize; 2]> {
     pairs.filter(is_near).collect()
 }
 
-/// Takes away what polyhedra share, so that all is counted once.
+/// Subtracts the volumes that polyhedra share, so that all points count once.
 fn less_shared_by_polyhedra(pieces: &[Piece], sum: &mut Moments) -> Result<(), UnionError> {
     let planes: Vec<Vec<Plane>> =
         pieces.iter().map(|piece| planes_of(piece, &sum.origin)).collect();
@@ -98,7 +98,7 @@ fn less_shared_by_polyhedra(pieces: &[Piece], sum: &mut Moments) -> Result<(), U
     Ok(())
 }
 
-/// Adds what a body shares with one of the others from a number on, and takes away what that shares with those after it.
+/// Adds the volume that a body shares with each of the others from a number on, and subtracts what these share with those after them.
 fn exclude(
     body: &Clipped,
     others: &[Vec<Plane>],
@@ -121,7 +121,7 @@ fn exclude(
     }
 }
 
-/// Planes of its faces, seen from an origin.
+/// Planes of a piece's faces, relative to an origin.
 fn planes_of(piece: &Piece, origin: &Vec3) -> Vec<Plane> {
     let at = piece.centre - origin;
     let place = |plane: &Plane| {
@@ -131,7 +131,7 @@ fn planes_of(piece: &Piece, origin: &Vec3) -> Vec<Plane> {
     piece.shape.facets().map_or_else(Vec::new, |facets| facets.planes().iter().map(place).collect())
 }
 
-/// The pairs that overlap, if all pieces are balls and no three of them overlap each other.
+/// Pairs of overlapping balls, if all pieces are balls and no three of them overlap each other.
 fn balls_in_twos(pieces: &[Piece], touching: &[[usize; 2]]) -> Option<Vec<[usize; 2]>> {
     let all_balls = pieces.iter().all(|piece| matches!(piece.shape, Shape::Sphere(_)));
     let overlap = |a: usize, b: usize| touching.contains(&[a.min(b), a.max(b)]);
@@ -141,7 +141,7 @@ fn balls_in_twos(pieces: &[Piece], touching: &[[usize; 2]]) -> Option<Vec<[usize
     (all_balls && !touching.iter().any(is_in_three)).then(|| touching.to_vec())
 }
 
-/// The lens of two balls: a cap of each.
+/// Moments of the lens of two balls, as a cap of each.
 fn lens(pieces: &[Piece], [one, other]: [usize; 2], origin: &Vec3) -> Result<Moments, UnionError> {
     let way = pieces[other].centre - pieces[one].centre;
     let distance = way.norm();
@@ -158,7 +158,7 @@ fn lens(pieces: &[Piece], [one, other]: [usize; 2], origin: &Vec3) -> Result<Mom
     Ok(sum)
 }
 
-/// The cap of a ball of radius `r` beyond a plane at this distance from its centre, along an axis [m].
+/// Moments of the cap of a ball of radius `r` beyond a plane at this distance from its centre, along an axis [m].
 fn cap(r: f64, from: f64, axis: &Vec3, centre: &Vec3, origin: &Vec3) -> Moments {
     // ∫ zⁿ dz from the plane to the pole.
     let power = |n: i32| (r.powi(n + 1) - from.powi(n + 1)) / f64::from(n + 1);
@@ -180,7 +180,7 @@ fn cap(r: f64, from: f64, axis: &Vec3, centre: &Vec3, origin: &Vec3) -> Moments 
     }
 }
 
-/// Along lines in z through the middles of a grid of so many squares along each side.
+/// Moments along lines in z through the middles of a grid with this number of squares along each side.
 fn along_lines(pieces: &[Piece], origin: &Vec3, count: usize) -> Moments {
     let corners: Vec<Vec3> = pieces
         .iter()
@@ -223,7 +223,7 @@ fn along_lines(pieces: &[Piece], origin: &Vec3, count: usize) -> Moments {
     sum
 }
 
-/// Where a line of this length, along z from a point, enters a piece and leaves it [m]; `None` if it misses it.
+/// Entry and exit of a line of this length, along z from a point, in a piece [m]; `None` if it misses the piece.
 fn chord(piece: &Piece, from: &Vec3, length: f64) -> Option<[f64; 2]> {
     let start = piece.rotation.inverse_transform_vector(&(from - piece.centre));
     let way = piece.rotation.inverse_transform_vector(&Vec3::z());
