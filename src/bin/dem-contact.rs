@@ -148,7 +148,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
         None => None,
     };
     write::answers(&pairs, &answers, by_law.as_deref(), to)?;
-    // No method resolves unions: their pieces are resolved.
+    // No method resolves unions; their pieces are resolved instead.
     let any_convex = (0..pairs.len()).any(|pair| !pairs.has_union(pair));
     if arguments.repeats > 0 && any_convex {
         let times = time(&pairs, &answers, &method, arguments.repeats);
@@ -257,7 +257,7 @@ fn method(word: Word, settings: &[String]) -> Result<Method> {
     })
 }
 
-/// The name of the file in messages, and what it holds.
+/// Name of the file in messages, and its text.
 fn text(path: &Path) -> Result<(String, String)> {
     let (name, bytes) = if path == Path::new("-") {
         let mut bytes = Vec::new();

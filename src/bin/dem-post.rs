@@ -124,7 +124,7 @@ Examples:
   dem-post out/heap --slope radial --fields 1d the angle of the heap, and its density and stress on a grid
   dem-post --python > dem.py                   a reader for Python";
 
-/// What `--python` prints.
+/// Text of `--python`.
 const PYTHON: &str = include_str!("../post/dem.py");
 
 fn main() -> ExitCode {
@@ -169,7 +169,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     let snapshots = series::open(&files)?;
     let newest = &snapshots.last().context("no snapshot given")?.path;
     let beside = newest.parent().unwrap_or(Path::new("."));
-    // One of several has plots that one of one has not, and must not be replaced by it.
+    // Several snapshots have plots that a single one lacks, and must not be replaced by it.
     let folder = if snapshots.len() > 1 { "post_series" } else { "post" };
     let out = arguments.out.clone().unwrap_or_else(|| beside.join(folder));
     ensure!(
@@ -229,15 +229,15 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
 }
 
-/// Is a folder that of a run?
+/// Does a run write into this folder?
 fn is_of_run(folder: &Path) -> bool {
     let is_there = |name: &str| folder.join(name).symlink_metadata().is_ok();
     [LAST, "history.csv", "performance.csv"].into_iter().any(is_there)
         || series::all(folder).is_ok()
 }
 
-/// The particle files that the arguments stand for. Contact files, which a pattern such as
-/// `*.vtkhdf` also matches, are passed over: they are read with their particles.
+/// Particle files of the arguments. Contact files, which a pattern such as `*.vtkhdf` also matches, are skipped: they are
+/// read with their particles.
 fn particle_files(arguments: &Arguments) -> Result<Vec<PathBuf>> {
     let Arguments { snapshots, series: whole_series, diff: is_diff, .. } = arguments;
     let (mut files, mut named_before) = (Vec::new(), BTreeSet::new());
@@ -316,7 +316,7 @@ fn write_lammps(out: &Path, reader: &Reader) -> Result<()> {
     })
 }
 
-/// Writes what was asked for of surfaces, points and lines.
+/// Writes the requested surfaces, points and lines.
 fn write_pictures(out: &Path, snapshots: &[Snapshot], arguments: &Arguments) -> Result<()> {
     let Arguments { surfaces, vtp: points, detail, .. } = *arguments;
     if points {
@@ -334,7 +334,7 @@ fn write_pictures(out: &Path, snapshots: &[Snapshot], arguments: &Arguments) -> 
     Ok(())
 }
 
-/// Writes a file of each snapshot, and the list of them with their times, which it returns.
+/// Writes a file for each snapshot, and returns the list of them with their times, which it also writes.
 fn write_vtp(
     out: &Path,
     snapshots: &[Snapshot],
@@ -364,7 +364,7 @@ fn write_file(
     written.with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// The scalars of the run, if there are any; a damaged table is reported and ignored.
+/// Scalars of the run, if there are any; a damaged table is reported and ignored.
 fn history_beside(directory: &Path) -> History {
     let path = directory.join("history.csv");
     let Ok(file) = files::open(&path) else { return History::default() };
@@ -374,7 +374,7 @@ fn history_beside(directory: &Path) -> History {
     })
 }
 
-/// A run without a title is called after its folder.
+/// Title of a run without one: the name of its folder.
 fn title(directory: &Path) -> String {
     let name = directory.file_name().map(|n| n.to_string_lossy().into_owned());
     name.unwrap_or_else(|| "Snapshot".into())
@@ -392,7 +392,7 @@ fn write_all(out: &Path, title: &str, reports: &[Report], plots: &[Plot]) -> Res
     write("index.html", &page::page(title, reports, plots))
 }
 
-/// The numbers for a terminal.
+/// Results in text form for a terminal.
 fn table(report: &Report) -> String {
     let summary = &report.summary;
     let mut lines =

@@ -126,7 +126,7 @@ pub struct Scene {
     pub servos: Vec<Servo>,
     /// Walls that move freely under load.
     pub free_walls: Vec<FreeWall>,
-    /// How contacts are resolved.
+    /// Contact method.
     pub method: Method,
     /// Gravity [m/s²].
     pub gravity: Vec3,
