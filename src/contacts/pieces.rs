@@ -207,9 +207,9 @@ pub(super) fn likeness(
     (is_of_both && likeness > FRAC_1_SQRT_2).then_some(likeness)
 }
 
-/// Share of the masses of its bodies for each contact of a stretch; 1 if the bodies touch in one place. It is one over `Σ
-/// g_j min(1, δ_j / δ) max(0, n_j·n)²` over the contacts of both bodies, with the gains `g_j` of round ones. Empty without
-/// pieces.
+/// Share of the masses of its bodies for each contact of a stretch; 1 if the bodies touch in one place. It is one over
+/// `Σ g_j min(1, δ_j / δ) max(0, n_j·n)²` over the contacts of both bodies, with the gains `g_j` of round ones. Empty
+/// without pieces.
 pub(super) fn shares(
     (pairs, geometry, patches): (&[Pair], &[Geometry], &[Patch]),
     particles: &Particles,

@@ -1,10 +1,11 @@
 //! Walls with a mass that their weight, a given force and the particles move along a line: a lid on a bed, a piston, a tray
 //! on particles.
 //!
-//! The wall is integrated like the particles: `v(t + dt/2) = v(t - dt/2) + F(t) dt / m`, then `x(t + dt) = x(t) + v(t +
-//! dt/2) dt`, of second order in `dt`. `F` is the sum of the wall's weight, the given force and the forces of all contacts
-//! on the wall, along the line. Across the line, and against turning, the wall is held. Contact forces are summed exactly:
-//! the bits do not depend on the number of ranks. Snapshots hold the sum of the last step and the velocity.
+//! The wall is integrated like the particles: `v(t + dt/2) = v(t - dt/2) + F(t) dt / m`, then
+//! `x(t + dt) = x(t) + v(t + dt/2) dt`, of second order in `dt`. `F` is the sum of the wall's weight, the given force and
+//! the forces of all contacts on the wall, along the line. Across the line, and against turning, the wall is held. Contact
+//! forces are summed exactly: the bits do not depend on the number of ranks. Snapshots hold the sum of the last step and
+//! the velocity.
 //!
 //! A light wall on many particles needs shorter steps than the particles do: it oscillates with `√(K/m)`, where `K` is the
 //! total stiffness of its contacts. If `dt √(K/m)` exceeds 1 the run warns, above 2 it stops.

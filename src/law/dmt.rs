@@ -7,8 +7,8 @@
 //! elastic force of Hertz the contact energy has a well: a sphere that enters without kinetic energy leaves without any.
 //! Adhesion itself dissipates nothing, unlike that of Johnson, Kendall and Roberts, where contacts outlive the overlap.
 //!
-//! Friction and resistance to rolling and twisting have their limits from the force that presses the surfaces together, `N
-//! + F_a`.
+//! Friction and resistance to rolling and twisting have their limits from the force that presses the surfaces together,
+//! `N + F_a`.
 //!
 //! The law holds for small Tabor parameters, `(R* w² / (E*² z³))^(1/3) < 0.1` or so with the distance `z` of atoms, 0.2 to
 //! 0.4 nm (Johnson and Greenwood 1997, J. Colloid Interface Sci. 192, 326).

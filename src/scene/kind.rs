@@ -1,5 +1,5 @@
-//! Allowed values of a scene, in the notation of the table of keys: `number > 0`, `[x, y, z]`, `number > 0 or
-//! "auto"`.
+//! Allowed values of a scene, in the notation of the table of keys: `number > 0`, `[x, y, z]`,
+//! `number > 0 or "auto"`.
 
 use std::fmt;
 

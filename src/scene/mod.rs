@@ -5,13 +5,13 @@
 //!
 //! # The file
 //!
-//! TOML. The column *kind* gives the allowed values: `number > 0`; `[x, y, z]`, a list of as many items; `{ a = number [m],
-//! b? = text }`, a table, in which keys with a question mark are optional; `or` stands between alternatives. Unit and kind
-//! hold for all keys of a row, or there is one for each; `-` is no unit. Keys marked `required` must be given. Paths of
-//! output, `start` and `folder` are relative to the working directory. Paths of particle files, tables and meshes are
-//! relative to the folder of the file that names them, the scene or an included file. A polyhedron is moved to its centre
-//! of mass and turned into its principal axes. Positions and quaternions of particles are those of its centre and these
-//! axes, and `--plan` prints where they lie in the file.
+//! TOML. The column *kind* gives the allowed values: `number > 0`; `[x, y, z]`, a list of as many items;
+//! `{ a = number [m], b? = text }`, a table, in which keys with a question mark are optional; `or` stands between
+//! alternatives. Unit and kind hold for all keys of a row, or there is one for each; `-` is no unit. Keys marked `required`
+//! must be given. Paths of output, `start` and `folder` are relative to the working directory. Paths of particle files,
+//! tables and meshes are relative to the folder of the file that names them, the scene or an included file. A polyhedron is
+//! moved to its centre of mass and turned into its principal axes. Positions and quaternions of particles are those of its
+//! centre and these axes, and `--plan` prints where they lie in the file.
 //!
 #![doc = include_str!("keys.md")]
 

@@ -1,4 +1,4 @@
-//! Walls that keep a stress or a force: the servo of numerical triaxial tests.
+//! Walls that keep a stress or a force: the servo of numerical triaxial tests (the paper, section 3.1).
 //!
 //! In each step a servo finds the velocity of its walls from the load on them ([`Servo::velocity`], [`law`]).
 //!

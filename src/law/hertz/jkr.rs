@@ -15,14 +15,15 @@
 //!
 //! # The radius from the overlap
 //!
-//! With `y = √(a/a_0)`, `a_0³ = 2π w R*²/E*` and `q = δ R*/a_0²`, the equation is `y⁴ - y = q`. The resolvent `m³ + 4 q m =
-//! 1` has a simple root wherever there is a contact, which Newton's method finds. Then `u = √m`, `y = (u + √(2/u - u²))/2`.
+//! With `y = √(a/a_0)`, `a_0³ = 2π w R*²/E*` and `q = δ R*/a_0²`, the equation is `y⁴ - y = q`. The resolvent
+//! `m³ + 4 q m = 1` has a simple root wherever there is a contact, which Newton's method finds. Then `u = √m`,
+//! `y = (u + √(2/u - u²))/2`.
 //!
 //! # Other forces
 //!
 //! Dashpots and the tangential spring are those of Hertz with this `a`: `γ_n = 2 √(5/6) β √(2 E* a m*)`, `k_t = 8 G* a`.
-//! The restitution set is that without adhesion; adhesion dissipates in addition. Friction has its limit from `N + 2 · 3/2
-//! π w R*` (Thornton 1991, DOI 10.1088/0022-3727/24/11/007).
+//! The restitution set is that without adhesion; adhesion dissipates in addition. Friction has its limit from
+//! `N + 2 · 3/2 π w R*` (Thornton 1991, DOI 10.1088/0022-3727/24/11/007).
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 

@@ -1,9 +1,9 @@
 //! Elastic bodies: Hertz along the normal (1882, DOI 10.1515/crll.1882.92.156), Mindlin in the contact plane (1949, DOI
 //! 10.1115/1.4009973).
 //!
-//! Normal: `N = 4/3 E* √R* δ^(3/2) + γ_n δ̇`, by default never attractive, with `γ_n = 2 √(5/6) β √(S m*)` and `S = 2 E*
-//! √(R* δ)`. In `y = δ^(5/4)` and the time `∫ δ^(1/4) dt` this is the linear oscillator of damping ratio `β` (Antypov and
-//! Elliott 2011, DOI 10.1209/0295-5075/94/50004). Both forces are zero at the same place. So
+//! Normal: `N = 4/3 E* √R* δ^(3/2) + γ_n δ̇`, by default never attractive, with `γ_n = 2 √(5/6) β √(S m*)` and
+//! `S = 2 E* √(R* δ)`. In `y = δ^(5/4)` and the time `∫ δ^(1/4) dt` this is the linear oscillator of damping ratio `β`
+//! (Antypov and Elliott 2011, DOI 10.1209/0295-5075/94/50004). Both forces are zero at the same place. So
 //! [`super::linear::damping_ratio_of_restitution`] holds unchanged, with the attraction cut off or not.
 //!
 //! Tangential: the state is the elastic force `T`, which grows by `k_t du` with `k_t = 8 G* √(R* δ)`. Where the contact
@@ -14,19 +14,19 @@
 //! # Bodies other than spheres
 //!
 //! `√R*` of spheres follows from their radii; walls count as planes, their edges and corners too. If a particle is not a
-//! sphere, `√R*` is that of the contact in the present pose, from the curvature of both surfaces: `N = 4/3 E* √Re
-//! (δ/F2)^(3/2)`. This is exact for elliptical contacts, see [`crate::contact::curvature`]. The rest is unchanged, with `√R
-//! = √Re F2^(-3/2)` in place of `√R*`: the dashpots keep their restitution, and the contact radius `a = √(R δ)` is that of
-//! `dN/dδ = 2 E* a`.
+//! sphere, `√R*` is that of the contact in the present pose, from the curvature of both surfaces:
+//! `N = 4/3 E* √Re (δ/F2)^(3/2)`. This is exact for elliptical contacts, see [`crate::contact::curvature`]. The rest is
+//! unchanged, with `√R = √Re F2^(-3/2)` in place of `√R*`: the dashpots keep their restitution, and the contact radius
+//! `a = √(R δ)` is that of `dN/dδ = 2 E* a`.
 //!
 //! The tangential stiffness is `8 G* a` with this `a` in all directions. Without slip, the compliance of each side under a
-//! force along the longer axis of an ellipse is `((1 - ν) K + ν (K - E)/e²) / (2π a' G)`, along the shorter one `(K - ν (K
-//! - E)/e²) / (2π a' G)`. `K` and `E` are the complete elliptic integrals of the ellipse's eccentricity `e`, and `a'` is
-//! its longer semi-axis (Mindlin 1949). Their mean is that of a circle of radius `π a' / (2 K)`, which is `a`, for any `ν`:
-//! the choice is the exact mean over the directions. The axes differ from it by `ν (2 (K - E)/e² - K) / ((2 - ν) K)`: with
-//! `ν = 0.3` by 3.9 % at `R'/R''` = 4 and by 6 % at 10. Mindlin's own tangent stiffness, `(1 - T/μN)^(1/3)` of the first,
-//! falls by 21 % on the way to half of Coulomb's limit. `8 G* √(a' b')`, which is used elsewhere, is 5 % softer at 4 than
-//! this mean and 13 % at 10.
+//! force along the longer axis of an ellipse is `((1 - ν) K + ν (K - E)/e²) / (2π a' G)`, along the shorter one
+//! `(K - ν (K - E)/e²) / (2π a' G)`. `K` and `E` are the complete elliptic integrals of the ellipse's eccentricity `e`, and
+//! `a'` is its longer semi-axis (Mindlin 1949). Their mean is that of a circle of radius `π a' / (2 K)`, which is `a`, for
+//! any `ν`: the choice is the exact mean over the directions. The axes differ from it by
+//! `ν (2 (K - E)/e² - K) / ((2 - ν) K)`: with `ν = 0.3` by 3.9 % at `R'/R''` = 4 and by 6 % at 10. Mindlin's own tangent
+//! stiffness, `(1 - T/μN)^(1/3)` of the first, falls by 21 % on the way to half of Coulomb's limit. `8 G* √(a' b')`, which
+//! is used elsewhere, is 5 % softer at 4 than this mean and 13 % at 10.
 //!
 //! The state has `a` beside the force, for the energies and the shrinking of `T`.
 //!

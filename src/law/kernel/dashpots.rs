@@ -10,12 +10,12 @@
 //! with the last force `F'`. Any `r` is of second order. In the contact plane `r` is 7/2 of that along the normal, as for
 //! spheres. Without `e` and `F'` a contact at rest would press with only `1/(1 + c r)` of its spring force.
 //!
-//! Let `s` be the part of each contact's own force in the resistance to a motion. Then the stable step has `ω² Δt² + (3.1 -
-//! 4 s) γ Δt <= 4`. With velocities of half a step before it has `ω² Δt² + 2 γ Δt <= 4`.
+//! Let `s` be the part of each contact's own force in the resistance to a motion. Then the stable step has
+//! `ω² Δt² + (3.1 - 4 s) γ Δt <= 4`. With velocities of half a step before it has `ω² Δt² + 2 γ Δt <= 4`.
 //!
-//! A contact begins between two steps. Its first force acts from then on until half a step after the positions: for `s +
-//! 1/2` of a step, where `s` is the part of the step in contact. A dashpot that has grown with the power `p` of the time
-//! counts `s/(1 + p) + 1/2`.
+//! A contact begins between two steps. Its first force acts from then on until half a step after the positions: for
+//! `s + 1/2` of a step, where `s` is the part of the step in contact. A dashpot that has grown with the power `p` of the
+//! time counts `s/(1 + p) + 1/2`.
 
 use super::{Contact, Dashpots, Hardest};
 use crate::lanes::{Lanes, Triple};

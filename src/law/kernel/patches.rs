@@ -66,7 +66,7 @@ impl Turning {
     }
 }
 
-/// Values of [`REMEMBERED`] by name.
+/// Values of `REMEMBERED` by name.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Memory {
     /// Point where the forces acted, from the centre of A [m].

@@ -45,8 +45,8 @@ impl Constants {
 /// Damping ratio `ζ` of a linear dashpot that gives a head-on collision this coefficient of restitution, in (0, 1].
 ///
 /// If the dashpot may attract until the overlap is zero, `e = exp(-π ζ / √(1 - ζ²))`. If `limited`, the contact ends
-/// when the force does. Then `e = exp(-(π - 2θ) tan θ)` with `ζ = sin θ`, and beyond critical damping `e = exp(-2u
-/// coth u)` with `ζ = cosh u` (Schwager and Pöschel 2007, DOI 10.1007/s10035-007-0065-z).
+/// when the force does. Then `e = exp(-(π - 2θ) tan θ)` with `ζ = sin θ`, and beyond critical damping
+/// `e = exp(-2u coth u)` with `ζ = cosh u` (Schwager and Pöschel 2007, DOI 10.1007/s10035-007-0065-z).
 pub fn damping_ratio_of_restitution(restitution: f64, limited: bool) -> f64 {
     let wanted = -libm::log(restitution);
     if !limited {

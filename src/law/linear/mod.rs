@@ -1,4 +1,4 @@
-//! Linear springs (Cundall and Strack 1979, DOI 10.1680/geot.1979.29.1.47).
+//! Linear springs (Cundall and Strack 1979, DOI 10.1680/geot.1979.29.1.47): the paper's law.
 //!
 //! Normal: `N = k_n δ + γ_n δ̇`, by default never attractive. Tangential: `T = k_t ξ + γ_t ξ̇` with a spring `ξ` in the
 //! contact plane that is carried along when the pair turns and grows with the sliding velocity. Beyond Coulomb's limit `T`

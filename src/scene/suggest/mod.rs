@@ -23,9 +23,9 @@
 //!
 //! Packings that still move are chaotic. The **floor** is the difference between runs with nearly equal starts. The steps
 //! that may be proposed run [`COPIES`] times each, from starts in which every particle was moved by up to [`NUDGE`] of the
-//! smallest inscribed radius. With `s` for the standard deviation of these copies, pooled over the steps, the floor is `t
-//! √2 s`, where t is Student's factor of 95 %. No step reduces the error of single values below the floor. In a short trial
-//! with few collisions a displacement of [`NUDGE`] may not grow to its full size, so a longer run has a higher floor.
+//! smallest inscribed radius. With `s` for the standard deviation of these copies, pooled over the steps, the floor is
+//! `t √2 s`, where t is Student's factor of 95 %. No step reduces the error of single values below the floor. In a short
+//! trial with few collisions a displacement of [`NUDGE`] may not grow to its full size, so a longer run has a higher floor.
 //!
 //! The **expected error** of a step is `√((2 difference)² + floor²)` for stress and contacts, and the energy error for
 //! energy. A step is proposed if its expected error and that of half the step are within the accepted error: a single one
