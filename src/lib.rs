@@ -27,8 +27,9 @@
 //! has the other rows up to [`search`], except [`arguments`] and [`comm`], and needs neither MPI nor HDF5. This crate has
 //! the rest, and re-exports the modules of both.
 //!
-//! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a unit vector **from A to
-//! B**, where A is the body with the lower id (a facet of a wall is always B); slots of bodies run owned | ghosts | facets.
+//! Conventions everywhere: SI units; compression and overlap are positive; slots of bodies run owned | ghosts | facets. A
+//! contact's normal is a unit vector **from A to B**, where A is the body with the lower id (a facet of a wall is always
+//! B).
 //!
 //! The bits do not depend on the number of ranks, because
 //! * both owners of a pair compute it from the same numbers, A first;

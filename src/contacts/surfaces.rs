@@ -4,8 +4,8 @@
 //! nearly agree with that of the deepest contact, they are one smooth surface, and only the deepest contact counts.
 //! Coincident facets, of one wall or of two, count once, and so do coincident planes. A particle that is not a sphere may
 //! touch a face and an edge of that face with different normals. Then the edge is inside the particle, and only the least
-//! overlap counts. If in one step a contact ends on one facet and one begins on another with a common corner, the contact
-//! has passed an edge and keeps its state.
+//! overlap counts. A contact may end on one facet while one begins on another with a common corner. Then it has passed an
+//! edge, and keeps its state.
 //!
 //! A particle with faces or a straight side has one contact with all facets of a surface
 //! ([`crate::contact::thickness_on_surface`]), so none is left out. Its contact passes to any facet, if the normal turns by

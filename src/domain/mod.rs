@@ -1,8 +1,8 @@
 //! Ownership of particles: a tree of cuts, ghosts of neighbours' particles, and migration.
 //!
-//! Space is cut in two repeatedly, each time across the longest side of its content and so that both halves get work in
-//! proportion to their ranks (recursive bisection; Berger and Bokhari 1987, DOI 10.1109/TC.1987.1676942). A packing fills
-//! from the bottom, and the cuts follow it. The owner of a particle never affects the physics.
+//! Space is cut in two repeatedly, each time across the longest side of its content. Both halves get work in proportion
+//! to their ranks (recursive bisection; Berger and Bokhari 1987, DOI 10.1109/TC.1987.1676942). A packing fills from the
+//! bottom, and the cuts follow it. The owner of a particle never affects the physics.
 
 mod cuts;
 mod ghosts;

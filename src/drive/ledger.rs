@@ -1,5 +1,5 @@
-//! Sums of what happens at walls: the work of each moving wall on the particles, and the energy lost and the impulse at
-//! each wall that wears, by triangle if it has any.
+//! Sums of what happens at walls: the work of moving walls on the particles, and the losses and impulses at walls that
+//! wear, by triangle if they have any.
 //!
 //! Each rank sums the contributions of its own particles, in a [`RoundedSum`] for each number and triangle. The bits do not
 //! depend on the number of ranks or on restarts. A contact counts for the triangle nearest to its point, in the axes of the

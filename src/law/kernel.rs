@@ -6,14 +6,13 @@
 //! surface, so it is remembered. With the present point for both forces, the error for discs of 5:1 would be 2 % of the
 //! energy that they dissipate.
 //!
-//! The energy that a contact dissipates is this work minus the change of its elastic energy, from the step before the first
-//! touch to the step after the last. Only channels that can dissipate count. The error of a long time step in the other
-//! channels appears in the energy error of the report. Where nothing depends on velocities, the velocities of ghosts need
-//! not be known.
+//! A contact dissipates this work minus the change of its elastic energy, from the step before the first touch to the step
+//! after the last. Only channels that can dissipate count. The error of a long time step in the other channels appears in
+//! the energy error of the report. Where nothing depends on velocities, the velocities of ghosts need not be known.
 //!
-//! If a law depends on the curvature of bodies, its normal channel dissipates the work of the normal force beyond the
-//! derivative of the energy, the force of dashpots. The elastic force beside the normal and its moment belong to no channel
-//! and dissipate nothing.
+//! If a law depends on the curvature of bodies, its normal channel dissipates only the work of dashpots: the normal force
+//! minus the derivative of the energy. The elastic force beside the normal and its moment belong to no channel and
+//! dissipate nothing.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -1437,8 +1436,8 @@ fn gains<L: Eight>(particles: &Particles, bodies: Gather) -> (Triple<L>, Triple<
     (vectors::<L>(velocity, bodies), turning)
 }
 
-/// Turns a vector from the last contact plane into the present one, by the shortest rotation (Rodrigues' formula without
-/// angles) and by the twist about the normal. Zero if there was no contact, and where the normal reverses because centres
+/// Turns a vector from the last contact plane into the present one: by the shortest rotation (Rodrigues' formula without
+/// angles), and by the twist about the normal. Zero if there was no contact, and where the normal reverses because centres
 /// have passed each other.
 #[inline(always)]
 pub fn carried<L: Lanes>(vector: Triple<L>, contact: &Contact<L>) -> Triple<L> {

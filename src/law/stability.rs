@@ -323,8 +323,8 @@ fn limit_of(library: &Library, body: &Body, contacts: &Contacts) -> Option<TimeS
     })
 }
 
-/// Limit with the present contacts of this rank's particles [s], and the largest overlap over the radius of the smaller
-/// body at the particle that sets it. Infinite without contacts.
+/// Limit with the present contacts of this rank's particles [s], infinite without contacts. The second value is the largest
+/// overlap, over the radius of the smaller body, at the particle that sets it.
 pub fn limit_of_contacts<'a>(
     particles: &Particles,
     contacts: impl Iterator<Item = (Pair, &'a Geometry)>,
@@ -390,14 +390,14 @@ pub fn highest_frequency(library: &Library, law: &dyn ForceLaw) -> Option<f64> {
     (highest > 0.0).then(|| highest.sqrt())
 }
 
-/// Distance from the middle of a side, over the half length of the body, within which a contact rocks it faster than steps
-/// of `dt` [s] can follow; 0 if there is none. `acceleration` is that of the load, like gravity [m/s²]. `scale` is the size
-/// of the body over that of its shape.
+/// Distance from the middle of a side within which a contact rocks a body faster than steps of `dt` [s] can follow, over
+/// the half length of the body. It is 0 if there is none. `acceleration` is that of the load, like gravity [m/s²]. `scale`
+/// is the size of the body over that of its shape.
 ///
 /// A body on a plane, tilted by `θ` from a flat side, is turned back by its load `N` with the lever `x(θ)` about the
-/// contact, where its moment of inertia is `I`. The leapfrog follows that while `N x dt² / (I θ) < 4`. Towards the middle
-/// `x / θ` grows to the radius of curvature. It is infinite in the middle of any side of a superellipsoid with an exponent
-/// below 1. There the integration adds energy to the body, which is negligible where the distance is small.
+/// contact. `I` is its moment of inertia about the contact. The leapfrog follows that while `N x dt² / (I θ) < 4`. Towards
+/// the middle `x / θ` grows to the radius of curvature. It is infinite in the middle of any side of a superellipsoid with
+/// an exponent below 1. There the integration adds energy to the body, which is negligible where the distance is small.
 pub fn lost_levers(shape: &Shape, scale: f64, acceleration: f64, dt: f64) -> f64 {
     let sides = (0..3).flat_map(|axis| {
         let [side, along, across] = [0, 1, 2].map(|k| Vec3::ith((axis + k) % 3, 1.0));

@@ -474,9 +474,9 @@ fn sides_on_faces(scene: &Scene) -> Option<String> {
     })
 }
 
-/// Part of a side's half length, around its middle, within which contacts may add energy to a body. On slopes up to 0.96 of
-/// friction's tangent, blocks half a metre long creep by at most 6e-7 m/s where it is less, and by up to 6e-2 m/s where it
-/// is more: see `benchmarks/verification/cases/steps.rs`.
+/// Part of a side's half length, around its middle, within which contacts may add energy to a body. Blocks half a metre
+/// long, on slopes up to 0.96 of friction's tangent, creep by at most 6e-7 m/s below this part. Above it they creep by up
+/// to 6e-2 m/s: see `benchmarks/verification/cases/steps.rs`.
 const RESTLESS: f64 = 0.15;
 
 /// Nearly flat sides, in the middle of which a contact turns a particle back faster than steps can follow.

@@ -33,9 +33,8 @@ const SECONDS_PER_LOOK: f64 = 5e-8;
 /// Number of shapes and pairs of materials that are listed; the others are counted.
 const SHOWN: usize = 50;
 
-/// Parts of the model in use, parts left out with reasons, and the resulting bytes, messages and time
-/// steps, for a run on this number of ranks. Numbers of particles per rank are estimates for the
-/// settled bed.
+/// Parts of the model in use and left out, with reasons, and the resulting bytes, messages and time
+/// steps on this number of ranks. Numbers of particles per rank are estimates for the settled bed.
 pub fn plan(scene: &Scene, ranks: u32) -> String {
     let mut page = Page(format!("{}\n", scene.title));
     what_is_in(scene, &mut page);

@@ -10,7 +10,7 @@ use crate::particles::Particles;
 use crate::shape::Kind;
 
 /// Deepest overlap with which a run may begin, over the shortest axis of the smaller body: the largest that DEM commonly
-/// permits.
+/// permits (the paper, section 2.1).
 pub const DEEPEST_START: f64 = 0.05;
 
 /// A pair at the start: its overlap over the shortest axis, the particle, the other body in the notation of files, and the

@@ -1,7 +1,7 @@
 //! Pushes on the particles of a group: a force, a torque, and the drag of a fluid.
 //!
-//! The drag is that of a sphere of the particle's volume, of diameter `d`, in a fluid of viscosity `μ` and density `ρ`, at
-//! its velocity `w` relative to the fluid:
+//! The drag is that of a sphere of the particle's volume, with diameter `d`. The fluid has the viscosity `μ` and the
+//! density `ρ`, and `w` is the velocity relative to it:
 //!
 //! `D = -3π μ d w φ`, with `φ = 1` (Stokes), or `φ = max(1 + 0.15 Re^0.687, 0.44 Re / 24)` and `Re = ρ |w| d / μ` (Schiller
 //! and Naumann 1933; the second is Newton's range, from `Re ≈ 1000` on).

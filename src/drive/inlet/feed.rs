@@ -2,11 +2,11 @@
 //!
 //! A particle of an inlet has a number. Its shape, size, orientation and velocity follow from this number and the scene's
 //! seed. A large one that finds no place is not replaced by a smaller one: it waits, and those behind it wait too. Its
-//! place is drawn anew at each try, and there are [`TRIES`] at a time. A try fails where the particle's bounding sphere
-//! would meet that of an existing particle or of a new one of a lower number, or reach behind a wall. Each rank checks
-//! against its own particles, and one sum over all ranks gives the free tries. The result is the same on all ranks, and
-//! does not depend on their number. At most [`MOST_AT_ONCE`] particles of an inlet appear at a time, which limits the list
-//! on each rank.
+//! place is drawn anew at each try, and there are [`TRIES`] at a time. A try fails if the particle's bounding sphere meets
+//! that of an existing particle or of a new one of a lower number, or reaches behind a wall. Each rank checks against its
+//! own particles, and one sum over all ranks gives the free tries. The result is the same on all ranks, and does not
+//! depend on their number. At most [`MOST_AT_ONCE`] particles of an inlet appear at a time, which limits the list on each
+//! rank.
 
 use super::{Amount, Inlet};
 use crate::comm::Comm;

@@ -97,8 +97,8 @@ impl Rain {
         Some(steps.div_ceil(self.every).saturating_mul(self.every))
     }
 
-    /// Steps of a particle to fall from the slab to a bed of this depth [m] on the far side of the box from `low` to `high`
-    /// [m]. `None` if it does not get there. Gravity in m/s², the step in s.
+    /// Steps of a particle to fall from the slab to a bed of this depth [m], on the far side of the box from `low` to
+    /// `high` [m]. `None` if it does not get there. Gravity in m/s², the step in s.
     pub fn fall(&self, low: &Vec3, high: &Vec3, bed: f64, gravity: &Vec3, dt: f64) -> Option<u64> {
         let axis = if *gravity == Vec3::zeros() { self.velocity.iamax() } else { gravity.iamax() };
         let (speed, pull) = (self.velocity[axis], gravity[axis]);

@@ -107,8 +107,8 @@ pub(super) struct Hertz {
     radii: Vec<f64>,
     /// Ranges in which it departs from its formulas.
     limits: Vec<String>,
-    /// Radius of the flattest contact of each shape with a plane, at an overlap of the radius of the largest sphere in it
-    /// about its centre [m].
+    /// Radius of the flattest contact of each shape with a plane [m], at an overlap equal to the radius of the largest
+    /// sphere in it about its centre.
     widest: Vec<f64>,
     state: Vec<StateColumn>,
 }

@@ -533,8 +533,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Adds the forces, moments and losses of a window's contacts to their bodies, in the order of the list, with the
-    /// losses of contacts that have separated in between.
+    /// Adds the forces, moments and losses of a window's contacts to their bodies, in the order of the list. Losses of
+    /// contacts that have separated come in between.
     #[inline(always)]
     fn sum_window(&mut self, first: usize, count: usize, window: &Window) {
         let Window { forces, torques, parts, wall_work } = window;

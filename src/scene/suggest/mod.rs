@@ -34,8 +34,8 @@
 //! # Accuracy of the estimate
 //! `cargo bench --bench work_precision -- --suggest` requests 5 % and 1 % in 20 scenes that allow them, and compares with
 //! converged steps: 39 of 40 errors were within the accepted one, the other was 1.01 %. The expected error is no bound.
-//! Contacts that carry next to nothing open and close with any change of the step, so the error of their number was up to
-//! 3.8 times the expected one.
+//! Contacts that carry next to nothing open and close with any change of the step. The error of their number was up to 3.8
+//! times the expected one.
 
 mod estimate;
 mod page;
