@@ -58,7 +58,7 @@ pub fn outlive_limits_of_files() {
 /// Options that print and do nothing else.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct About {
-    /// Print what a shell needs to complete the arguments of this program
+    /// Print the completion of the arguments of this program for a shell
     #[arg(long, value_name = "SHELL", exclusive = true)]
     completion: Option<Shell>,
     /// Print the manual page of this program: `... --man | man -l -`

@@ -59,42 +59,42 @@ or --suggest has found no step that keeps the error."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 struct Arguments {
-    /// The scene: what to simulate, a TOML file
+    /// The scene to simulate, a TOML file
     #[arg(required = true)]
     scene: Option<PathBuf>,
-    /// List the keys that a scene may have, with units, defaults and meaning: all, or those of a table such as `domain`
+    /// List the keys of a scene with units, defaults and meaning: all, or those of a table such as `domain`
     #[arg(long, value_name = "TABLE", exclusive = true)]
     #[expect(clippy::option_option, reason = "not asked for, asked for all, or for one table")]
     keys: Option<Option<String>>,
-    /// Print a JSON schema of scenes, by which editors complete and check them
+    /// Print a JSON schema of scenes, for completion and checks in editors
     #[arg(long, exclusive = true)]
     schema: bool,
     #[command(flatten)]
     about: About,
-    /// Only print volume, centre, moments of inertia, balls and pieces of this shape of the scene. With --out it is also drawn, from
-    /// four sides into DIR/NAME.svg and as a surface into DIR/NAME.vtp, in its principal axes
+    /// Only print volume, centre, moments of inertia, balls and pieces of this shape of the scene. With --out it is also
+    /// drawn, from four sides into DIR/NAME.svg and as a surface into DIR/NAME.vtp, in its principal axes
     #[arg(
         long,
         value_name = "NAME",
         conflicts_with_all = ["overwrite", "steps", "start", "threads", "trace_particle", "check", "plan", "suggest", "verbose"]
     )]
     shape: Option<String>,
-    /// Where output goes, instead of the scene's output.directory
+    /// Output directory, instead of the scene's output.directory
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Remove snapshots, tables, lists and reports of an earlier run from the output directory, which otherwise is refused. What
-    /// dem-post has written there stays
+    /// Remove snapshots, tables, lists and reports of an earlier run from the output directory; otherwise such a directory
+    /// is rejected. Output of dem-post there stays
     #[arg(long)]
     overwrite: bool,
-    /// Do this many steps, from wherever the run starts, instead of all that are left of the stage. Where the stage is over
-    /// because its [stop] holds, [stop] is not asked for again
+    /// Do this many steps from the start of the run, instead of all that are left of the stage. If the stage is over
+    /// because its [stop] holds, [stop] is ignored
     #[arg(long, value_name = "N", value_parser = steps, allow_negative_numbers = true)]
     steps: Option<u64>,
-    /// Go on from this snapshot of the same stage (a particles file, or a directory: its newest good one). If it is not in the
-    /// scene's output.directory, --out says where to go on
+    /// Continue from this snapshot of the same stage (a particles file, or a directory for its newest good one). If it is
+    /// not in the scene's output.directory, --out sets the output directory
     #[arg(long, value_name = "SNAPSHOT")]
     start: Option<PathBuf>,
-    /// Run as N ranks in threads of this process, without mpirun: slower, but one debugger sees all
+    /// Run as N ranks in threads of this process, without mpirun: slower, for debuggers
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
     threads: Option<u32>,
     /// Print the state and the contacts of this particle at every step (may be repeated)
@@ -103,35 +103,37 @@ struct Arguments {
     /// Change a value of the scene: path.to.key=value (may be repeated)
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Only look for errors in the scene
+    /// Only check the scene for errors
     #[arg(long)]
     check: bool,
-    /// Only say what the run would use, need and leave out
+    /// Only print the models, the cost and the parts left out of the run
     #[arg(long)]
     plan: bool,
     /// Only propose a step and a contact method that keep an error, from trials on one rank; with --start, from that state.
     ///
-    /// The error is that of a trial against the same trial with converged settings: the largest of the mean stress of the
-    /// contacts and the mean coordination number, both relative and in the mean over the trial's last fifth, and the energy that
-    /// the balance misses at its end, over what was dissipated (or over the largest kinetic and elastic energy, if that is more).
+    /// The error is that of a trial against the same trial with converged settings, the largest of three: the mean stress
+    /// of the contacts and the mean coordination number, both relative and averaged over the trial's last fifth, and the
+    /// energy error at its end, over the dissipated energy (or over the largest kinetic and elastic energy, if that is
+    /// more).
     ///
-    /// A trial lasts 20000 steps of the stable limit, or 4e6 over the number of particles if that is less, but at least 400; or
-    /// the whole stage, if that is shorter. Some 15 trials run, each shorter step twice as long as the one before. They also tell how far apart runs are
-    /// that begin alike (the floor): an error below it no step can promise for single values.
+    /// A trial lasts 20000 steps of the stable limit, or 4e6 over the number of particles if that is less, but at least
+    /// 400; or the whole stage, if that is shorter. Some 15 trials run, each shorter step twice as long as the one before.
+    /// They also give the difference between runs with nearly equal starts (the floor): no step can promise a smaller error
+    /// for single values.
     ///
-    /// Prints lines to put into the scene, with the error and the run time to expect. Writes no file
+    /// Prints lines for the scene, with the expected error and run time. Writes no file
     #[arg(long, conflicts_with_all = ["out", "overwrite", "steps", "threads", "trace_particle", "check", "plan", "verbose"])]
     suggest: bool,
-    /// The error that --suggest is to keep: 1% or 0.01
+    /// Accepted error of --suggest: 1% or 0.01
     #[arg(long, value_name = "SHARE", default_value = "1%", requires = "suggest", value_parser = share, allow_hyphen_values = true)]
     error: f64,
-    /// Print the whole report at the end, and not only its four first lines; report.json has all of it either way
+    /// Print the whole report at the end, instead of its first four lines; report.json always has all of it
     #[arg(long)]
     verbose: bool,
 }
 
 impl Arguments {
-    /// The scene's file; there is none with the options that only print.
+    /// The scene's file; empty with the options that only print.
     fn scene(&self) -> &Path {
         self.scene.as_deref().unwrap_or_else(|| Path::new(""))
     }

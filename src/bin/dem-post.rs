@@ -31,10 +31,10 @@ use std::process::ExitCode;
 
 /// Computes stress, coordination, fabric and force distributions from snapshots of dem-mpi.
 ///
-/// Give one snapshot for its numbers and plots, or several of one run for their evolution too: strains are then
-/// taken against the earliest, where a period or walls on both sides end the packing. A directory stands for its
-/// newest snapshot, with --series for all. Results go to a folder beside the last snapshot, `post` of one and `post_series`
-/// of several: index.html to look at, report.csv and report.json to compute with, every plot as SVG.
+/// Give one snapshot for its numbers and plots, or several of one run also for their evolution. Strains are then relative
+/// to the earliest, where a period or walls on both sides end the packing. A directory stands for its newest snapshot, with
+/// --series for all. Results go to a folder beside the last snapshot, `post` for one and `post_series` for several:
+/// index.html to view, report.csv and report.json for computations, every plot as SVG.
 #[derive(Parser)]
 #[command(name = "dem-post", version = version(), max_term_width = 100, after_help = EXAMPLES)]
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
@@ -47,16 +47,16 @@ struct Arguments {
     #[arg(long)]
     series: bool,
 
-    /// Where to write [default: `post`, of several snapshots `post_series`, beside the last]
+    /// Output folder [default: `post`, for several snapshots `post_series`, beside the last]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 
-    /// Measure only in this box, in metres; a particle belongs to it if its centre does
+    /// Measure only particles with their centre in this box, in metres
     #[arg(long, value_name = "x0,x1,y0,y1,z0,z1", allow_hyphen_values = true)]
     region: Option<Bounds>,
 
-    /// Leave out a layer along the sides, in metres (0.004) or grain diameters (1.5d). The sides are walls where
-    /// they stand in each snapshot, else the outermost grains
+    /// Leave out a layer along the sides, in metres (0.004) or particle diameters (1.5d). The sides are walls where they
+    /// stand in each snapshot, else the outermost particles
     #[arg(long, value_name = "LENGTH", conflicts_with = "region", allow_hyphen_values = true)]
     margin: Option<Margin>,
 
@@ -64,18 +64,18 @@ struct Arguments {
     #[arg(long)]
     fabric_with_walls: bool,
 
-    /// Also write a LAMMPS dump of each snapshot, for OVITO. Of shapes that are neither spheres nor ellipsoids it has the ellipsoid
-    /// in the box of each grain
+    /// Also write a LAMMPS dump of each snapshot, for OVITO. Shapes other than spheres and ellipsoids are replaced by the
+    /// ellipsoid in the box of each particle
     #[arg(long)]
     lammps: bool,
 
-    /// Also write the true surfaces of all grains and walls of each snapshot, and its contacts as lines: grains_STEP.vtp, walls_STEP.vtp,
-    /// contacts_STEP.vtp, lists with times of each, grains.pvd, walls.pvd, contacts.pvd, and of all three, all.pvd: for ParaView, pyvista,
-    /// and through them Blender
+    /// Also write the true surfaces of all particles and walls of each snapshot, and its contacts as lines:
+    /// grains_STEP.vtp, walls_STEP.vtp, contacts_STEP.vtp. Lists with times are grains.pvd, walls.pvd, contacts.pvd, and
+    /// all.pvd for all three: for ParaView, pyvista, and through them Blender
     #[arg(long)]
     surfaces: bool,
 
-    /// How fine curved surfaces are, 0 to 5: 20, 80, 320, 1280, 5120 or 20480 triangles of each grain
+    /// Fineness of curved surfaces, 0 to 5: 20, 80, 320, 1280, 5120 or 20480 triangles for each particle
     #[arg(
         long,
         value_name = "N",

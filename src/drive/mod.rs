@@ -274,10 +274,10 @@ pub trait Drive: Observer {
         false
     }
 
-    /// Takes a particle that has left the domain, or that it [reaches](Drive::reaches), out of the simulation, if it
-    /// returns `true`. If no drive does, the run stops with an error. Called on all ranks, in the order of the ids, unless
-    /// an earlier drive has taken the particle. The velocity belongs to the positions, as if nothing touched the particle
-    /// in the last half of the step. The force belongs to the positions of the step before.
+    /// Decides whether a particle that has left the domain, or that it [reaches](Drive::reaches), is taken out of the
+    /// simulation. A particle outside the domain that no drive takes stops the run with an error. Called on all ranks, in
+    /// the order of the ids, unless an earlier drive has taken the particle. The velocity belongs to the positions, as if
+    /// nothing touched the particle in the last half of the step. The force belongs to the positions of the step before.
     fn take(&mut self, _moment: &Moment, _leaver: &Particle, _particles: &Particles) -> bool {
         false
     }

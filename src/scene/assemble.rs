@@ -128,7 +128,7 @@ pub enum StartError {
         /// The wall's name.
         wall: String,
     },
-    /// A turned wall cannot move freely, because its mass is held for another direction.
+    /// A turned wall cannot move freely: its masses along normals hold for another orientation.
     #[error(
         "{path}: it has wall \"{wall}\" turned, so it cannot move freely with a `mass`. Turn it back before, or give the scene a wall of \
          another name that stands so"

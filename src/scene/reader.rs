@@ -77,7 +77,7 @@ impl<'a> Given<'a> {
         }
     }
 
-    /// Is a length outside the range in which its cube is finite and nonzero?
+    /// Is a length outside the range in which its cube is finite and, if it must be positive, not 0?
     pub(super) fn leaves_lengths(&self, x: f64, is_positive: bool) -> bool {
         let (size, least, most) = (x.abs(), *LENGTHS.start(), *LENGTHS.end());
         self.unit == "m" && (size > most || size < least && is_positive)

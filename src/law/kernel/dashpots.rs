@@ -92,7 +92,7 @@ pub struct InPlane<L> {
     dashpot: L,
     /// Velocity that it acts on, without the effect of the contact's own force [m/s].
     velocity: Triple<L>,
-    /// Velocity that the contact's own force takes from it [s/kg], if velocities are predicted.
+    /// Decrease of that velocity per force of the contact [s/kg], if velocities are predicted.
     own: Option<L>,
 }
 
