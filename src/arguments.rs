@@ -1,4 +1,4 @@
-//! What every program prints about its own arguments, completion for shells and a man page, and how it prints.
+//! Common command-line parts of all programs: printing, completion for shells, and man pages.
 
 use crate::text::{print_error, printable};
 use clap::{Args, Command};
@@ -8,13 +8,13 @@ use std::io::{self, Write as _};
 use std::process::ExitCode;
 use std::sync::Arc;
 
-/// The status of a program whose arguments are wrong, or that could not print what it was asked for.
+/// Exit status of a program with wrong arguments, or that could not print its output.
 pub const WRONG: u8 = 2;
 
 /// Prints to standard output in one piece. A reader that stops early, such as `head`, is no error; a full disk is.
 ///
 /// # Errors
-/// What the system says.
+/// The error of the system.
 pub fn print(text: &str) -> io::Result<()> {
     let mut output = io::stdout().lock();
     match output.write_all(printable(text).as_bytes()).and_then(|()| output.flush()) {
@@ -23,10 +23,10 @@ pub fn print(text: &str) -> io::Result<()> {
     }
 }
 
-/// As [`print`]; an error is told by this program.
+/// Prints like [`print`]; reports an error in the name of the program.
 ///
 /// # Errors
-/// The status to end with.
+/// The exit status.
 pub fn print_or_tell(program: &str, text: &str) -> Result<(), ExitCode> {
     print(text).map_err(|error| {
         let _ = writeln!(io::stderr(), "{program}: cannot write to standard output: {error}");
@@ -34,7 +34,7 @@ pub fn print_or_tell(program: &str, text: &str) -> Result<(), ExitCode> {
     })
 }
 
-/// What `--help`, `--version` or wrong arguments print, and the status to end with.
+/// Prints the text of `--help`, `--version` or wrong arguments, and returns the exit status.
 pub fn ended_by(error: &clap::Error) -> u8 {
     if error.use_stderr() {
         print_error(error.render().to_string().trim_end());
@@ -49,8 +49,8 @@ pub fn ended_by(error: &clap::Error) -> u8 {
     }
 }
 
-/// Lets a write beyond the largest file that a user may have (`ulimit -f`) fail with an error. Else the system ends the process,
-/// which says nothing and leaves half a file.
+/// Lets a write beyond the largest allowed file (`ulimit -f`) fail with an error. Otherwise the system ends the process
+/// without a message, and leaves half a file.
 pub fn outlive_limits_of_files() {
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
 }
@@ -58,7 +58,7 @@ pub fn outlive_limits_of_files() {
 /// Options that print and do nothing else.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct About {
-    /// Print what a shell needs to complete the arguments of this program
+    /// Print the completion of the arguments of this program for a shell
     #[arg(long, value_name = "SHELL", exclusive = true)]
     completion: Option<Shell>,
     /// Print the manual page of this program: `... --man | man -l -`
@@ -67,14 +67,14 @@ pub struct About {
 }
 
 impl About {
-    /// The text that is asked for, if one is.
+    /// The requested text, if any.
     pub fn text(self, mut command: Command) -> Option<String> {
         let mut text = Vec::new();
         if let Some(shell) = self.completion {
             let name = command.get_name().to_owned();
             clap_complete::generate(shell, &mut command, name, &mut text);
         } else if self.man {
-            // A vector takes all.
+            // Writing to a vector cannot fail.
             let _ = clap_mangen::Man::new(command).render(&mut text);
         } else {
             return None;

@@ -7,36 +7,37 @@
 //! |---|---|---|
 //! | 1 | [`ids`] [`math`] [`lanes`] [`timing`] [`files`] | identifiers, vectors, eight numbers at once, timing, files that others may have made |
 //! | 2 | [`text`] [`random`] | text from files and to terminals; random numbers |
-//! | 3 | [`arguments`] | what programs print about their arguments |
+//! | 3 | [`arguments`] | texts of programs about their arguments |
 //! | 4 | [`cell`] [`shape`] [`comm`] | the box and its periods; shapes; communication |
 //! | 5 | [`contact`] | from two shapes to overlap, normal and point |
-//! | 6 | [`population`] | what particles are made of, and how they are mixed |
-//! | 7 | [`walls`] | planes and surfaces of triangles, and how they move |
-//! | 8 | [`particles`] [`pairs`] | columns of everything a rank owns or sees; pairs that stand by themselves |
+//! | 6 | [`population`] | materials and mixtures of particles |
+//! | 7 | [`walls`] | planes and surfaces of triangles, and their motions |
+//! | 8 | [`particles`] [`pairs`] | columns of all owned and visible particles; single pairs of bodies |
 //! | 9 | [`law`] [`motion`] | from overlap to force; from force to motion |
-//! | 10 | [`search`] | which pairs may touch |
-//! | 11 | [`contacts`] | those that do: what is remembered of them, what acts in them |
+//! | 10 | [`search`] | pairs that may touch |
+//! | 11 | [`contacts`] | pairs that touch, with their state and forces |
 //! | 12 | [`measure`] | energies and other scalars of the whole system |
-//! | 13 | [`domain`] [`drive`] | who owns what; what acts from outside |
-//! | 14 | [`output`] | what is written |
-//! | 15 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
-//! | 16 | [`scene`] | the user's file, checked, and turned into a simulation |
-//! | 17 | [`guide`] | how to use it: pages to read |
+//! | 13 | [`domain`] [`drive`] | ownership of particles; influences from outside |
+//! | 14 | [`output`] | output files |
+//! | 15 | [`sim`] [`post`] | the step and the run; analysis of snapshots |
+//! | 16 | [`scene`] | the user's file, checked and turned into a simulation |
+//! | 17 | [`guide`] | pages for users |
 //!
-//! They stand in three libraries. `dem-law` (`src/law`) is [`law`], which takes longest to compile. `dem-grains` (`src/grains`) has the other rows up
-//! to [`search`] but [`arguments`] and [`comm`], and needs neither MPI nor HDF5. This one has the rest, and the modules of both as its own.
+//! They are in three crates. `dem-law` (`src/law`) is [`law`], which takes longest to compile. `dem-grains` (`src/grains`)
+//! has the other rows up to [`search`], except [`arguments`] and [`comm`], and needs neither MPI nor HDF5. This crate has
+//! the rest, and re-exports the modules of both.
 //!
-//! Conventions everywhere: SI units; compression and overlap are positive; a contact's normal is a
-//! unit vector **from A to B**, where A is the body with the lower id (a facet of a wall is always B);
-//! slots of bodies run owned | ghosts | facets.
+//! Conventions everywhere: SI units; compression and overlap are positive; slots of bodies run owned | ghosts | facets. A
+//! contact's normal is a unit vector **from A to B**, where A is the body with the lower id (a facet of a wall is always
+//! B).
 //!
-//! Same bits on any number of ranks, because
+//! The bits do not depend on the number of ranks, because
 //! * both owners of a pair compute it from the same numbers, A first;
-//! * a particle's force is the sum over its contacts in the order of space ([`particles::order`]), which is renewed at fixed numbers of
-//!   steps, and saved;
+//! * a particle's force is the sum over its contacts in spatial order ([`particles::order`]), which is renewed at fixed
+//!   numbers of steps, and saved;
 //! * system-wide sums go through an exact accumulator ([`math::ExactSum`]);
-//! * what is remembered of a touching contact is state that moves and is saved with its particles;
-//!   what is remembered of a pair that does not touch never changes a result.
+//! * the state of a touching contact moves and is saved with its particles; data kept for a pair that does not touch never
+//!   changes a result.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 

@@ -1,5 +1,5 @@
-//! System-wide scalars: energies, momentum, contacts. Every sum is exact, so that every digit of the
-//! log is the same on any number of ranks.
+//! System-wide scalars: energies, momentum, contacts. Every sum is exact, so that the digits of the log do not depend on
+//! the number of ranks.
 
 use crate::cell::{Cell, Shear, Strained};
 use crate::comm::Comm;
@@ -14,26 +14,26 @@ use crate::particles::columns::Quantity;
 use crate::walls::Wall;
 use serde::{Deserialize, Serialize};
 
-/// The part of an energy that may be missing from the balance without a warning.
+/// Largest energy error without a warning.
 const MAY_MISS: f64 = 2e-3;
 
-/// What particles that were taken out have left behind in the balance of energies [J].
+/// Energies of particles that were taken out [J].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Departed {
-    /// What they had received, less what they have taken away.
+    /// Energy that they had received, minus that which they have taken away.
     pub received: f64,
-    /// What had been dissipated at them.
+    /// Energy that had been dissipated at them.
     pub dissipated: f64,
-    /// The parts of that, see [`Quantity::CHANNELS`].
+    /// Parts of the dissipated energy, see [`Quantity::CHANNELS`].
     pub channels: [f64; Quantity::CHANNELS.len()],
 }
 
-/// The scalars of a moment.
+/// Scalar measures at a moment.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measures {
     /// Particles.
     pub particles: u64,
-    /// Held particles. Like walls they have no energy of their own, and are no part of means over particles.
+    /// Held particles. Like walls they have no energy, and do not count in means over particles.
     pub held: u64,
     /// Contacts between particles that are not held.
     pub contacts: u64,
@@ -43,18 +43,18 @@ pub struct Measures {
     pub translation: f64,
     /// Kinetic energy of rotation [J].
     pub rotation: f64,
-    /// Energy in gravity, zero at the origin [J].
+    /// Potential energy in gravity, zero at the origin [J].
     pub gravity: f64,
     /// Elastic energy of contacts [J].
     pub stored: f64,
-    /// What central differences conserve beyond these energies, see [`motion::step_energy`] [J].
+    /// Energy that central differences conserve in addition, see [`motion::step_energy`] [J].
     pub step_energy: f64,
     /// Energy dissipated so far [J].
     pub dissipated: f64,
-    /// The parts of that, see [`Quantity::CHANNELS`] [J].
+    /// Parts of the dissipated energy, see [`Quantity::CHANNELS`] [J].
     pub channels: [f64; Quantity::CHANNELS.len()],
-    /// Energy that came in with particles, from moving walls, and from groups that are moved or pushed so far, less what went out with
-    /// particles [J].
+    /// Energy received so far from new particles, moving walls, and moved or pushed groups, minus that of particles taken
+    /// out [J].
     pub received: f64,
     /// Mean normal force between particles [N].
     pub mean_normal_force: f64,
@@ -64,47 +64,48 @@ pub struct Measures {
     pub largest_speed: f64,
     /// Highest point of a particle's bounding sphere along z [m].
     pub top: f64,
-    /// Mean resultant force of a particle over the mean contact force; 0 without contacts [-]. The number of contacts counts as at least the
-    /// number of particles, so that one impact in a falling cloud is not taken for equilibrium.
+    /// Mean resultant force of a particle over the mean contact force [-]; 0 without contacts. The number of contacts
+    /// counts as at least the number of particles, so that one impact in a falling cloud does not look like equilibrium.
     pub unbalanced: f64,
     /// Force of the particles on each wall [N].
     pub wall_forces: Vec<Vec3>,
     /// Torque of the particles on each wall about its reference point [N m]; 0 if no wall asks for it.
     pub wall_torques: Vec<Vec3>,
-    /// What the surfaces of belts do on the particles beside what their walls do, by wall [W]; 0 of all others.
+    /// Power of the surfaces of belts on the particles, beyond that of their walls, by wall [W]; 0 for other walls.
     pub belt_powers: Vec<f64>,
     /// Sum of the contact forces on the particles of each group [N].
     pub group_forces: Vec<Vec3>,
-    /// Torque of the contacts on each group that turns, about its reference point [N m]; 0 of others.
+    /// Torque of the contacts on each group that turns, about its reference point [N m]; 0 for others.
     pub group_torques: Vec<Vec3>,
-    /// Of a cell that is sheared or carried by a flow.
+    /// Stress of a cell that is sheared or carried by a flow.
     pub bulk: Option<Bulk>,
 }
 
 /// Stress in the whole of a cell that is sheared or carried by a flow, compression positive, by [`COMPONENTS`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bulk {
-    /// Displacement over height so far, of a sheared cell [-].
+    /// Displacement over height so far, for a sheared cell [-].
     pub strain: f64,
-    /// Sum of the rate of a flow that carries the cell over time, compression positive [-].
+    /// Rate of a flow that carries the cell, integrated over time, compression positive [-].
     pub strains: Option<[f64; 6]>,
-    /// Of the contacts: the symmetric part of the sum of force times branch over the volume (Love 1927; Christoffersen,
+    /// Contact stress: the symmetric part of the sum of force times branch over the volume (Love 1927; Christoffersen,
     /// Mehrabadi and Nemat-Nasser 1981, DOI 10.1115/1.3157619) [Pa].
     pub of_contacts: [f64; 6],
-    /// Of the motion against the mean flow: the sum of mass times velocity times velocity over the volume [Pa].
+    /// Kinetic stress: the sum of mass times velocity times velocity over the volume, with velocities relative to the mean
+    /// flow [Pa].
     pub of_motion: [f64; 6],
     /// Volume of all particles over that of the cell [-].
     pub solid_fraction: f64,
 }
 
-/// Axes of the components of a stress, as they are written.
+/// Axes of the components of a stress, in the order of output.
 pub const COMPONENTS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 
-/// What loses or makes energy at any step.
+/// Causes of an energy error that does not depend on the step.
 const AT_ONCE: &str = "Contacts that begin or end at once, as of polyhedra and rods at rims of sheets, and of grains in folds of meshes with \
                        `smooth = 0` and in pits where several folds meet,";
 
-/// What rounding may leave of a balance of energies, over the sum of its terms.
+/// Largest rounding error of the energy balance, over the sum of its terms.
 const ROUNDING: f64 = 1e-12;
 
 impl Measures {
@@ -113,37 +114,37 @@ impl Measures {
         self.translation + self.rotation
     }
 
-    /// Everything but what was dissipated [J].
+    /// Energy without the dissipated part [J].
     pub fn mechanical(&self) -> f64 {
         self.kinetic() + self.gravity + self.stored
     }
 
-    /// What the balance is short of: received - (mechanical + step energy + dissipated) [J].
+    /// Energy error: received - (mechanical + step energy + dissipated) [J].
     pub fn missing(&self) -> f64 {
         self.received - self.mechanical() - self.step_energy - self.dissipated
     }
 
-    /// What normal dashpots have dissipated: the rest [J].
+    /// Energy dissipated by normal dashpots: the rest of all channels [J].
     pub fn of_normal_dashpots(&self) -> f64 {
         self.channels.iter().fold(self.dissipated, |rest, part| rest - part)
     }
 
-    /// One of the parts of what was dissipated [J].
+    /// One part of the dissipated energy [J].
     ///
     /// # Panics
-    /// If it is none of [`Quantity::CHANNELS`].
+    /// If it is not one of [`Quantity::CHANNELS`].
     pub fn taken_by(&self, channel: Quantity) -> f64 {
         let place = Quantity::CHANNELS.iter().position(|one| *one == channel);
         self.channels[place.expect("a channel")]
     }
 
-    /// Kinetic and elastic energy: what moves, and comes and goes with the motion [J]. Adhesion stores negative energy.
+    /// Kinetic and elastic energy, both of which change with the motion [J]. Adhesion stores negative energy.
     pub fn moving(&self) -> f64 {
         self.kinetic() + self.stored.abs()
     }
 
-    /// What the balance misses, over what was dissipated, or over `most_moving` where the run dissipates less: the largest
-    /// kinetic and elastic energy of the run [J]. 0 if it is rounding.
+    /// Energy error over the dissipated energy, or over `most_moving` where the run dissipates less: the largest kinetic
+    /// and elastic energy of the run [J]. 0 within rounding.
     pub fn part_missing(&self, most_moving: f64) -> f64 {
         let terms = [self.received, self.kinetic(), self.gravity, self.stored, self.dissipated];
         if self.missing().abs() <= ROUNDING * terms.iter().map(|term| term.abs()).sum::<f64>() {
@@ -152,16 +153,16 @@ impl Measures {
         self.missing() / if self.dissipated > most_moving { self.dissipated } else { most_moving }
     }
 
-    /// The step [s] with which the balance would miss what it may, if steps of `dt` [s] miss more: what contacts of a few
-    /// steps lose or make falls with the square of the step. `most_moving` is the largest kinetic and elastic energy of the
-    /// run, for runs that dissipate less [J].
+    /// Step [s] with which the energy error would be within the limit, if steps of `dt` [s] exceed it: the error of
+    /// contacts of a few steps falls with the square of the step. `most_moving` is the largest kinetic and elastic energy
+    /// of the run, for runs that dissipate less [J].
     pub fn step_that_balances(&self, most_moving: f64, dt: f64) -> Option<f64> {
         let part = self.part_missing(most_moving).abs();
         (part > MAY_MISS).then(|| dt * (MAY_MISS / part).sqrt())
     }
 
-    /// A warning about a balance that misses too much with steps of `dt` [s], with a step that helps, if one can: steps that are short beside
-    /// the stable `limit` [s] hardly lose so much.
+    /// A warning about a large energy error with steps of `dt` [s], with a step that helps, if one can. Steps that are
+    /// short against the stable `limit` [s] hardly cause so large an error.
     pub fn poor_balance(&self, most_moving: f64, dt: f64, limit: Option<f64>) -> Option<String> {
         let enough = self.step_that_balances(most_moving, dt)?;
         let what = self.what_is_missing(most_moving);
@@ -180,7 +181,7 @@ impl Measures {
         })
     }
 
-    /// How much the balance misses, of what, in words. `most_moving` as above [J].
+    /// Text about the energy error and its reference. `most_moving` as above [J].
     pub fn what_is_missing(&self, most_moving: f64) -> String {
         let of = if self.dissipated > most_moving {
             "what was dissipated"
@@ -205,7 +206,7 @@ impl Measures {
     }
 }
 
-/// Which sum stands where.
+/// Index of a sum.
 #[derive(Clone, Copy)]
 enum Of {
     Translation,
@@ -216,15 +217,15 @@ enum Of {
     Dissipated,
     Received,
     NormalForce,
-    /// Of a particle: its contacts and gravity.
+    /// Resultant force on a particle: its contacts and gravity.
     Resultant,
-    /// Of a contact, tangential force included.
+    /// Force of a contact, including its tangential part.
     ContactForce,
-    /// Of [`Quantity::CHANNELS`].
+    /// First of [`Quantity::CHANNELS`].
     FirstChannel,
 }
 
-/// Where the sums of forces on walls begin.
+/// First sum of forces on walls.
 const FIRST_WALL: usize = Of::FirstChannel as usize + Quantity::CHANNELS.len();
 
 /// Measures the whole system at the end of a step of `dt` [s]. Collective.
@@ -243,7 +244,7 @@ pub fn measure(
     for slot in 0..particles.owned {
         totals.add_particle(particles, slot, field, dt);
     }
-    // A contact counts where its first particle is owned.
+    // A contact counts on the rank that owns its first particle.
     for contact in contacts.loaded(law, particles) {
         let moment =
             if particles.wall_of(contact.pair.b).is_some() { at_walls.next() } else { None };
@@ -271,22 +272,22 @@ pub fn measure(
     Measures { group_forces, group_torques, bulk, ..totals.measures(walls) }
 }
 
-/// Sums, counts and maxima of the owned particles, then of all.
+/// Sums, counts and maxima of the owned particles, then of all ranks.
 struct Totals {
     sums: Vec<ExactSum>,
-    /// How many terms of each sum were not finite: energies of numbers that are finite may not be.
+    /// Number of terms of each sum that were not finite: energies of finite numbers may overflow.
     infinite: Vec<i64>,
     /// Particles, contacts between particles, contacts with walls, held particles.
     counts: [i64; 4],
     /// Overlap over the shortest axis [-], speed [m/s], height [m].
     maxima: [f64; 3],
-    /// Where the sums of stresses and that of volumes begin, if there are any.
+    /// First sum of stresses, followed by that of volumes, if there are any.
     stresses: Option<usize>,
-    /// Where the sums of torques on walls begin, if there are any.
+    /// First sum of torques on walls, if there are any.
     torques: Option<usize>,
-    /// Where the sums of powers of belts begin, if there are any.
+    /// First sum of powers of belts, if there are any.
     belts: Option<usize>,
-    /// Where the sums of forces on groups, and of torques after them, begin, if there are any.
+    /// First sum of forces on groups, followed by those of torques, if there are any.
     groups: Option<usize>,
 }
 
@@ -314,7 +315,7 @@ impl Totals {
         }
     }
 
-    /// Adds to the stress of contacts, 0, or of motion, 1, the symmetric part of a product [J].
+    /// Adds the symmetric part of a product to the stress [J] of contacts (`kind` 0) or of motion (1).
     fn add_stress(&mut self, kind: usize, product: impl Fn(usize, usize) -> f64) {
         let Some(first) = self.stresses else { return };
         for (k, [i, j]) in COMPONENTS.into_iter().enumerate() {
@@ -323,7 +324,7 @@ impl Totals {
         }
     }
 
-    /// The stress of contacts, 0, or of motion, 1 [Pa].
+    /// Stress of contacts (`kind` 0) or of motion (1) [Pa].
     fn stress(&self, kind: usize, cell: &Cell) -> [f64; 6] {
         let first = self.stresses.unwrap_or_default() + kind * COMPONENTS.len();
         std::array::from_fn(|k| self.value_at(first + k) / cell.volume())
@@ -384,7 +385,7 @@ impl Totals {
         self.maxima[1] = larger_number(self.maxima[1], velocity.norm());
     }
 
-    /// Adds what contacts do to a held particle about the reference point of its group, if that turns.
+    /// Adds the torque of contacts on a held particle about the reference point of its group, if the group turns.
     fn add_torque_on_group(&mut self, particles: &Particles, slot: usize) {
         let (Some(first), Some(group)) = (self.groups, particles.group_of(slot)) else { return };
         let Some(about) = particles.groups[group].about else { return };
@@ -437,7 +438,7 @@ impl Totals {
     }
 
     /// Adds the torque on a wall about its reference point. `moment` is that on the particle about its centre [N m], if
-    /// particles turn: about one point the two are opposite.
+    /// particles turn; about a common point the two are opposite.
     fn add_torque(&mut self, contact: &Loaded, moment: Option<&Vec3>, particles: &Particles) {
         let Some(first) = self.torques else { return };
         let Some(wall) = particles.wall_of(contact.pair.b) else { return };
@@ -449,7 +450,7 @@ impl Totals {
         }
     }
 
-    /// Takes back what images that slide give only in the first half of the next step.
+    /// Subtracts the work of sliding images that belongs to the first half of the next step.
     fn add_work_ahead(&mut self, contact: &Loaded, particles: &Particles, dt: f64) {
         if self.stresses.is_some() {
             let slides = particles.sliding_ahead(contact.pair);
@@ -457,7 +458,7 @@ impl Totals {
         }
     }
 
-    /// Those of all ranks. Collective.
+    /// Combines the sums over all ranks. Collective.
     fn combine(&mut self, comm: &mut dyn Comm) {
         let mut numbers: Vec<i64> =
             self.sums.iter().flat_map(|sum| sum.limbs().iter().copied()).collect();
@@ -480,7 +481,7 @@ impl Totals {
         if self.infinite[of] == 0 { self.sums[of].value() } else { f64::NAN }
     }
 
-    /// Vectors of walls that begin at a sum; 0 if they were not summed.
+    /// Vectors of walls from a first sum on; 0 if they were not summed.
     fn of_walls(&self, first: Option<usize>, walls: usize) -> Vec<Vec3> {
         let vector = |first: usize| Vec3::from_fn(|axis, _| self.value_at(first + axis));
         (0..walls).map(|k| first.map_or_else(Vec3::zeros, |first| vector(first + 3 * k))).collect()
@@ -529,7 +530,7 @@ impl Totals {
     }
 }
 
-/// Kinetic energy and energy in gravity of an owned particle; 0 of a held one [J].
+/// Kinetic and potential energy of an owned particle; 0 for a held one [J].
 pub fn free_energy(particles: &Particles, slot: usize, field: &Field) -> f64 {
     if particles.is_held(slot) {
         return 0.0;
@@ -545,13 +546,13 @@ fn rotation(particles: &Particles, slot: usize) -> f64 {
     0.5 * particles.angular_velocity(slot).dot(&particles.angular_momentum(slot))
 }
 
-/// The shortest axis of the smaller of two bodies, a diameter [m].
+/// Shortest axis of the smaller of two bodies, a diameter [m].
 pub fn shortest_axis(particles: &Particles, a: Slot, b: Slot) -> f64 {
     let radius = |slot: Slot| particles.inscribed_radius(slot.index());
     2.0 * radius(a).min(radius(b))
 }
 
-/// Where a particle would be without periods [m].
+/// Position of a particle without periodic wrapping [m].
 pub fn unwrapped(particles: &Particles, slot: usize) -> Vec3 {
     let position = particles.position[slot];
     if particles.needs.image {

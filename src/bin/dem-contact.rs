@@ -18,27 +18,24 @@ use std::process::ExitCode;
 /// Resolves pairs of bodies: overlap, normal and contact point of each, as CSV on standard output.
 ///
 /// PAIRS is CSV (ellipsoids: id,aA,bA,cA,aB,bB,cB,xA,yA,zA,qwA,qxA,qyA,qzA,xB,..,qzB) or JSON Lines (spheres:
-/// id,rA,rB,cA,cB; superellipsoids: id,A,B with abc,e1,e2,c,q; polyhedra: id,VA,FA,VB,FB; unions: id,UA,UB, lists of pieces,
-/// each a ball with r,c, a superellipsoid with abc,e1,e2,c,q or a polyhedron with V). Lengths are in metres;
-/// quaternions w,x,y,z turn the body into the world and need not be normalised. Other columns are
-/// passed over.
+/// id,rA,rB,cA,cB; superellipsoids: id,A,B with abc,e1,e2,c,q; polyhedra: id,VA,FA,VB,FB; unions: id,UA,UB, lists of
+/// pieces, each a ball with r,c, a superellipsoid with abc,e1,e2,c,q or a polyhedron with V). Lengths are in metres;
+/// quaternions w,x,y,z turn the body into the world and need not be normalised. Other columns are ignored.
 ///
-/// The normal n is a unit vector from A to B, PA and PB are the support points of the bodies along it, C is
-/// their middle. A pair that is apart has a negative overlap: minus the clearance, with the
-/// direction of the shortest distance, by GJK to rounding whatever the method (methods only determine that a pair
-/// is apart). `solver` names the stage of the method's chain that answered; it and the numbers are empty
-/// where there is no answer. `iterations` counts the directions that all stages tried together, each of which takes one
-/// support point of each body; closed forms take none. Where two polyhedra overlap, `thickness` is that of what they share, by
-/// which a simulation finds the force unless a method is asked for by name; F, M and energy are the force of A on B, its moment
-/// about the centre of A and the energy of the contact for a stiffness of 1 N/m.
+/// The normal n is a unit vector from A to B, PA and PB are the support points of the bodies along it, C is their middle. A
+/// pair that is apart has a negative overlap: minus the clearance, with the direction of the shortest distance, by GJK to
+/// rounding for any method (methods only determine that a pair is apart). `solver` names the stage of the method's chain
+/// that answered; it and the numbers are empty without an answer. `iterations` counts the directions that all stages tried
+/// together. Each takes one support point of each body; closed forms take none. For overlapping polyhedra, `thickness` is
+/// that of their common region. A simulation finds the force from it, unless a method is set by name. F, M and energy are
+/// the force of A on B, its moment about the centre of A and the energy of the contact for a stiffness of 1 N/m.
 ///
-/// Two bodies of which one is a union have a row for each place where they touch, as in a simulation: overlap, normal and point of
-/// that contact, PA and PB half the overlap before and behind the point, and force, moment and energy, whatever the pieces. Bodies
-/// that are apart have one row, of their nearest pieces.
+/// If one of two bodies is a union, there is a row for each place where they touch, as in a simulation: overlap, normal and
+/// point of that contact, PA and PB half the overlap before and behind the point, and force, moment and energy. Bodies that
+/// are apart have one row, for their nearest pieces.
 ///
-/// Standard error has the time per pair, medians of the repeats: cold, one by one without a guess; warm, one by
-/// one from normals that are off by 1e-4; batched, many at once from the same normals, as in a
-/// simulation.
+/// Standard error shows the time per pair, medians of the repeats: cold, one by one without a guess; warm, one by one from
+/// normals that are off by 1e-4; batched, many at once from the same normals, as in a simulation.
 #[derive(Parser)]
 #[command(name = "dem-contact", version = version(), max_term_width = 100, args_override_self = true, after_help = EXAMPLES)]
 struct Arguments {
@@ -49,7 +46,7 @@ struct Arguments {
     #[command(flatten)]
     about: About,
 
-    /// How to resolve what is not two spheres, which have a closed form
+    /// Contact method; two spheres always have a closed form
     #[arg(long, value_enum, default_value_t = Word::Auto)]
     method: Word,
 
@@ -59,20 +56,20 @@ struct Arguments {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
 
-    /// Scene whose law says what acts in each pair: force F of A on B, its moment M about the centre of A and the stored energy,
-    /// at rest and without anything remembered, in columns law_Fx to law_energy
+    /// Scene whose law gives the force F of A on B in each pair, its moment M about the centre of A and the stored energy,
+    /// at rest and without history, in columns law_Fx to law_energy
     #[arg(long, value_name = "SCENE")]
     law: Option<PathBuf>,
 
-    /// Materials of A and B in that scene; may be left out if it has only one
+    /// Materials of A and B in that scene; optional if it has only one
     #[arg(long, value_name = "A,B", requires = "law", value_delimiter = ',')]
     materials: Vec<String>,
 
-    /// The pairs have touched before: with adhesion = "jkr" they hold on across a gap
+    /// The pairs have touched before: with adhesion = "jkr" they stick across a gap
     #[arg(long, requires = "law")]
     touched: bool,
 
-    /// Measurements of each time, of which the median counts; 0: none
+    /// Measurements of each time, for the median; 0: none
     #[arg(long, default_value_t = 5, allow_negative_numbers = true)]
     repeats: usize,
 }
@@ -148,7 +145,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
         None => None,
     };
     write::answers(&pairs, &answers, by_law.as_deref(), to)?;
-    // No method resolves unions: their pieces are resolved.
+    // No method resolves unions; their pieces are resolved instead.
     let any_convex = (0..pairs.len()).any(|pair| !pairs.has_union(pair));
     if arguments.repeats > 0 && any_convex {
         let times = time(&pairs, &answers, &method, arguments.repeats);
@@ -257,7 +254,7 @@ fn method(word: Word, settings: &[String]) -> Result<Method> {
     })
 }
 
-/// The name of the file in messages, and what it holds.
+/// Name of the file in messages, and its text.
 fn text(path: &Path) -> Result<(String, String)> {
     let (name, bytes) = if path == Path::new("-") {
         let mut bytes = Vec::new();

@@ -59,42 +59,42 @@ or --suggest has found no step that keeps the error."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 struct Arguments {
-    /// The scene: what to simulate, a TOML file
+    /// The scene to simulate, a TOML file
     #[arg(required = true)]
     scene: Option<PathBuf>,
-    /// List the keys that a scene may have, with units, defaults and meaning: all, or those of a table such as `domain`
+    /// List the keys of a scene with units, defaults and meaning: all, or those of a table such as `domain`
     #[arg(long, value_name = "TABLE", exclusive = true)]
     #[expect(clippy::option_option, reason = "not asked for, asked for all, or for one table")]
     keys: Option<Option<String>>,
-    /// Print a JSON schema of scenes, by which editors complete and check them
+    /// Print a JSON schema of scenes, for completion and checks in editors
     #[arg(long, exclusive = true)]
     schema: bool,
     #[command(flatten)]
     about: About,
-    /// Only print volume, centre, moments of inertia, balls and pieces of this shape of the scene. With --out it is also drawn, from
-    /// four sides into DIR/NAME.svg and as a surface into DIR/NAME.vtp, in its principal axes
+    /// Only print volume, centre, moments of inertia, balls and pieces of this shape of the scene. With --out it is also
+    /// drawn, from four sides into DIR/NAME.svg and as a surface into DIR/NAME.vtp, in its principal axes
     #[arg(
         long,
         value_name = "NAME",
         conflicts_with_all = ["overwrite", "steps", "start", "threads", "trace_particle", "check", "plan", "suggest", "verbose"]
     )]
     shape: Option<String>,
-    /// Where output goes, instead of the scene's output.directory
+    /// Output directory, instead of the scene's output.directory
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Remove snapshots, tables, lists and reports of an earlier run from the output directory, which otherwise is refused. What
-    /// dem-post has written there stays
+    /// Remove snapshots, tables, lists and reports of an earlier run from the output directory; otherwise such a directory
+    /// is rejected. Output of dem-post there stays
     #[arg(long)]
     overwrite: bool,
-    /// Do this many steps, from wherever the run starts, instead of all that are left of the stage. Where the stage is over
-    /// because its [stop] holds, [stop] is not asked for again
+    /// Do this many steps from the start of the run, instead of all that are left of the stage. If the stage is over
+    /// because its [stop] holds, [stop] is ignored
     #[arg(long, value_name = "N", value_parser = steps, allow_negative_numbers = true)]
     steps: Option<u64>,
-    /// Go on from this snapshot of the same stage (a particles file, or a directory: its newest good one). If it is not in the
-    /// scene's output.directory, --out says where to go on
+    /// Continue from this snapshot of the same stage (a particles file, or a directory for its newest good one). If it is
+    /// not in the scene's output.directory, --out sets the output directory
     #[arg(long, value_name = "SNAPSHOT")]
     start: Option<PathBuf>,
-    /// Run as N ranks in threads of this process, without mpirun: slower, but one debugger sees all
+    /// Run as N ranks in threads of this process, without mpirun: slower, for debuggers
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
     threads: Option<u32>,
     /// Print the state and the contacts of this particle at every step (may be repeated)
@@ -103,50 +103,52 @@ struct Arguments {
     /// Change a value of the scene: path.to.key=value (may be repeated)
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Only look for errors in the scene
+    /// Only check the scene for errors
     #[arg(long)]
     check: bool,
-    /// Only say what the run would use, need and leave out
+    /// Only print the models, the cost and the parts left out of the run
     #[arg(long)]
     plan: bool,
     /// Only propose a step and a contact method that keep an error, from trials on one rank; with --start, from that state.
     ///
-    /// The error is that of a trial against the same trial with converged settings: the largest of the mean stress of the
-    /// contacts and the mean coordination number, both relative and in the mean over the trial's last fifth, and the energy that
-    /// the balance misses at its end, over what was dissipated (or over the largest kinetic and elastic energy, if that is more).
+    /// The error is that of a trial against the same trial with converged settings, the largest of three: the mean stress
+    /// of the contacts and the mean coordination number, both relative and averaged over the trial's last fifth, and the
+    /// energy error at its end, over the dissipated energy (or over the largest kinetic and elastic energy, if that is
+    /// more).
     ///
-    /// A trial lasts 20000 steps of the stable limit, or 4e6 over the number of particles if that is less, but at least 400; or
-    /// the whole stage, if that is shorter. Some 15 trials run, each shorter step twice as long as the one before. They also tell how far apart runs are
-    /// that begin alike (the floor): an error below it no step can promise for single values.
+    /// A trial lasts 20000 steps of the stable limit, or 4e6 over the number of particles if that is less, but at least
+    /// 400; or the whole stage, if that is shorter. Some 15 trials run, each shorter step twice as long as the one before.
+    /// They also give the difference between runs with nearly equal starts (the floor): no step can promise a smaller error
+    /// for single values.
     ///
-    /// Prints lines to put into the scene, with the error and the run time to expect. Writes no file
+    /// Prints lines for the scene, with the expected error and run time. Writes no file
     #[arg(long, conflicts_with_all = ["out", "overwrite", "steps", "threads", "trace_particle", "check", "plan", "verbose"])]
     suggest: bool,
-    /// The error that --suggest is to keep: 1% or 0.01
+    /// Accepted error of --suggest: 1% or 0.01
     #[arg(long, value_name = "SHARE", default_value = "1%", requires = "suggest", value_parser = share, allow_hyphen_values = true)]
     error: f64,
-    /// Print the whole report at the end, and not only its four first lines; report.json has all of it either way
+    /// Print the whole report at the end, instead of its first four lines; report.json always has all of it
     #[arg(long)]
     verbose: bool,
 }
 
 impl Arguments {
-    /// The scene's file; there is none with the options that only print.
+    /// The scene's file; empty with the options that only print.
     fn scene(&self) -> &Path {
         self.scene.as_deref().unwrap_or_else(|| Path::new(""))
     }
 }
 
-/// The scene or an argument is wrong: all ranks know, rank 0 has the message.
+/// The scene or an argument is wrong: known on all ranks, the message is on rank 0.
 const WRONG_INPUT: u8 = 2;
 /// The run failed.
 const FAILED: u8 = 1;
-/// A signal stopped the run, and it can go on.
+/// A signal stopped the run, and it can continue.
 const STOPPED: u8 = 3;
 /// The stage is over, and its `[stop]` was not reached.
 const UNMET: u8 = 4;
 
-/// A number of steps as a scene may have it: 20000, 20_000 or 2e4.
+/// A number of steps in the notation of a scene: 20000, 20_000 or 2e4.
 fn steps(given: &str) -> Result<u64, String> {
     let plain = given.replace('_', "");
     let whole = |number: &f64| number.fract() == 0.0 && (0.0..2.0_f64.powi(53)).contains(number);
@@ -165,7 +167,7 @@ fn share(given: &str) -> Result<f64, String> {
         .ok_or_else(|| "must be more than 0 and less than 1, such as 1% or 0.01".to_owned())
 }
 
-/// How long a rank that sees a fault of another's particle waits for that rank to report it.
+/// Time that a rank waits for the owner of a particle to report its fault first.
 const OTHERS_FIRST: Duration = Duration::from_secs(3);
 
 fn main() -> ExitCode {
@@ -187,24 +189,24 @@ fn main() -> ExitCode {
     ExitCode::from(on_this_rank(arguments, &mut *comm))
 }
 
-/// Will hold the number of the signal that asks the run to stop. A second Ctrl-C does not wait for the step. Before this is asked for, signals
-/// end the program at once: a run that has not begun loses nothing.
+/// Holds the number of the signal that asks the run to stop. A second Ctrl-C does not wait for the step. Before the first
+/// call, signals end the program at once: a run that has not begun loses nothing.
 fn stop_signals() -> Arc<AtomicUsize> {
     static STOP: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
     Arc::clone(STOP.get_or_init(noted_signals))
 }
 
-/// Notes signals from now on.
+/// Records signals from now on.
 fn noted_signals() -> Arc<AtomicUsize> {
     let stop = Arc::default();
     let interrupted = Arc::<AtomicBool>::default();
     for signal in [SIGTERM, SIGUSR1, SIGUSR2, SIGHUP, SIGINT] {
-        // Under nohup a run outlives its terminal.
+        // Under nohup a run continues after its terminal closes.
         if signal == SIGHUP && is_ignored(signal) {
             continue;
         }
         let twice = if signal == SIGINT {
-            // In this order: the first finds the flag still down.
+            // In this order: the first handler must find the flag unset.
             signal_hook::flag::register_conditional_default(signal, Arc::clone(&interrupted))
                 .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&interrupted)))
                 .map(drop)
@@ -221,7 +223,7 @@ fn noted_signals() -> Arc<AtomicUsize> {
     stop
 }
 
-/// Has whoever started this program had a signal ignored?
+/// Was a signal ignored by the parent process?
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -248,7 +250,7 @@ fn print_once(comm: &dyn Comm, text: impl std::fmt::Display) {
     }
 }
 
-/// Reads the scene on rank 0 and hands it, or the errors in it, to all.
+/// Reads the scene on rank 0 and sends it, or its errors, to all ranks.
 fn read_scene(arguments: &Arguments, comm: &mut dyn Comm) -> Result<Scene, String> {
     let mut bytes = Vec::new();
     if comm.is_root() {
@@ -259,7 +261,7 @@ fn read_scene(arguments: &Arguments, comm: &mut dyn Comm) -> Result<Scene, Strin
         };
         let read = read.map_err(|e| e.to_string());
         let of_this_stage = |scene: Scene| match start.as_ref().zip(scene.start.as_ref()) {
-            // Stages may also share a folder.
+            // Stages may share a folder.
             Some((given, before))
                 if folder(given).is_some_and(|f| Some(f) == folder(before))
                     && folder(given) != folder(out.as_ref().unwrap_or(&scene.out)) =>
@@ -278,7 +280,7 @@ fn read_scene(arguments: &Arguments, comm: &mut dyn Comm) -> Result<Scene, Strin
     wire::decode(&bytes)
 }
 
-/// What is to be printed instead of a run, if anything is.
+/// Text to print instead of a run, if any.
 fn printed(arguments: &Arguments) -> Option<Result<String, String>> {
     if let Some(table) = &arguments.keys {
         return Some(keys::text(table.as_deref()));
@@ -289,7 +291,7 @@ fn printed(arguments: &Arguments) -> Option<Result<String, String>> {
     arguments.about.text(Arguments::command()).map(Ok)
 }
 
-/// Prints what was asked for, on rank 0, and returns the status to end with: `status`, unless it cannot be printed.
+/// Prints a text on rank 0, and returns the exit status: `status`, unless it cannot be printed.
 fn print(comm: &dyn Comm, text: impl std::fmt::Display, status: u8) -> u8 {
     if !comm.is_root() {
         return status;
@@ -307,7 +309,7 @@ fn unprinted(error: &std::io::Error) -> String {
     format!("cannot write to standard output: {error}")
 }
 
-/// Where a snapshot is, or a directory of them, if it is there.
+/// Folder of a snapshot, or the folder itself, if it exists.
 fn folder(snapshot: &Path) -> Option<PathBuf> {
     let folder = if snapshot.is_dir() { snapshot } else { snapshot.parent()? };
     let folder = if folder == Path::new("") { Path::new(".") } else { folder };
@@ -339,7 +341,7 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
     if arguments.plan {
         let page = comm.is_root().then(|| plan::plan(&scene, comm.size()) + "\n");
         let printed = print(comm, page.unwrap_or_default(), 0);
-        // Whether the state fits the scene is seen when it is taken up.
+        // Restoring the state checks that it fits the scene.
         let fits = if scene.start.is_some() || arguments.start.is_some() {
             state(arguments, &scene, comm)
                 .and_then(|(mut sim, _)| begins(arguments, &scene, &mut sim, comm))
@@ -358,7 +360,7 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         print_once(comm, elsewhere);
         return WRONG_INPUT;
     }
-    // To check writes nothing.
+    // A check writes nothing.
     let claimed = (!arguments.check).then(|| output::claim(&out, comm)).transpose();
     let _held_until_the_end = match claimed {
         Ok(lock) => lock,
@@ -407,14 +409,14 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         ends_stage: last_step == stage_end,
         snapshot_every: scene.snapshot_every,
         history_every: scene.history_every,
-        // More steps were asked for than [stop] leaves.
+        // More steps were requested than [stop] leaves.
         stop: if is_over { Stop::default() } else { scene.stop.clone() },
         out,
         scene: scene.text.clone(),
         resumed,
         signal: stop_signals(),
         traced: arguments.trace_particle.iter().map(|&id| GlobalId(id)).collect(),
-        // So many steps that were asked for stay so many.
+        // A requested number of steps is kept.
         duration: scene.duration.filter(|_| arguments.steps.is_none()),
         over: scene.over_the_limit(),
     };
@@ -425,7 +427,7 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
     }
 }
 
-/// Prints what is known of a shape, and draws it into a folder, if there is one.
+/// Prints the page of a shape, and draws it into a folder, if one is given.
 fn shape(name: &str, scene: &Scene, folder: Option<&Path>, comm: &dyn Comm) -> u8 {
     let id = match scene.shape(name) {
         Ok(id) => id,
@@ -449,7 +451,7 @@ fn shape(name: &str, scene: &Scene, folder: Option<&Path>, comm: &dyn Comm) -> u
     print(comm, text, 0)
 }
 
-/// Prints what trials propose.
+/// Prints the suggestion from trials.
 fn suggested(arguments: &Arguments, comm: &dyn Comm) -> u8 {
     if comm.size() > 1 {
         print_once(comm, "--suggest tries the scene on one rank: leave mpirun out");
@@ -474,7 +476,7 @@ fn suggested(arguments: &Arguments, comm: &dyn Comm) -> u8 {
     }
 }
 
-/// The simulation at its start, and the `[stop]` that held there.
+/// Simulation at its start, and the `[stop]` that held there.
 fn state(
     arguments: &Arguments,
     scene: &Scene,
@@ -503,7 +505,7 @@ fn state(
     }
 }
 
-/// The status of a run that ended well; one that a signal has stopped says how to go on.
+/// Exit status of a run that ended normally; prints how to continue after a signal.
 fn ended(arguments: &Arguments, finish: &Finish, step: u64, last_step: u64, comm: &dyn Comm) -> u8 {
     let Ending::Signal(signal) = finish.ending else { return 0 };
     let name = signal_hook::low_level::signal_name(signal as i32).unwrap_or("a signal");
@@ -513,7 +515,7 @@ fn ended(arguments: &Arguments, finish: &Finish, step: u64, last_step: u64, comm
     STOPPED
 }
 
-/// Prints which snapshots were passed over, and which walls are not where the scene puts them.
+/// Prints the snapshots that were passed over, and the walls that are not where the scene puts them.
 fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
     for error in &taken.passed_over {
         print_once(comm, format!("passed over: {error}"));
@@ -545,7 +547,7 @@ fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
     }
 }
 
-/// Whether every machine has the memory for the particles of the start.
+/// Checks that every machine has the memory for the initial particles.
 fn fits(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
     let mut least = [-machine_bytes()];
     comm.max(&mut least);
@@ -555,10 +557,10 @@ fn fits(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
     })
 }
 
-/// So many particles at most are put where they begin when a run is only planned or checked.
+/// Largest number of particles that are placed when a run is only planned or checked.
 const TRIED: u64 = 1_000_000;
 
-/// Puts the particles where a run that begins with this scene would have them, and looks for overlaps, as the run would.
+/// Places the initial particles of a scene and checks for overlaps, like the run.
 fn tried(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
     fits(scene, comm)?;
     let count: u64 = scene.initial.iter().map(Fill::count).sum();
@@ -577,7 +579,7 @@ fn tried(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> Result<()
     run::begin(&mut sim, comm).map_err(|error| failed(&error, "", &sim, false, comm))
 }
 
-/// Are the columns there that `[stop]` names?
+/// Checks that the columns named by `[stop]` exist.
 fn has_columns(
     arguments: &Arguments,
     scene: &Scene,
@@ -590,7 +592,7 @@ fn has_columns(
     })
 }
 
-/// Looks for overlaps where a stage begins with a snapshot, and for what they make of its step. One that goes on has none.
+/// Checks overlaps where a stage begins with a snapshot, and their effect on its step. Continued stages are not checked.
 fn begins(
     arguments: &Arguments,
     scene: &Scene,
@@ -607,12 +609,12 @@ fn begins(
     Ok(())
 }
 
-/// Nothing was found.
+/// Reports that no errors were found.
 fn checked(arguments: &Arguments, comm: &dyn Comm) -> u8 {
     print(comm, format_args!("{}: no errors found\n", arguments.scene().display()), 0)
 }
 
-/// What is wrong with the place of output of a run that goes on from a snapshot of another folder, which nobody has named.
+/// Error for the output folder of a run that continues from a snapshot in another folder, if it was not set explicitly.
 fn goes_on_elsewhere(arguments: &Arguments, out: &Path) -> Option<String> {
     let Arguments { start, out: given, set, check, .. } = arguments;
     let start = start.as_deref()?;
@@ -631,15 +633,15 @@ fn goes_on_elsewhere(arguments: &Arguments, out: &Path) -> Option<String> {
     })
 }
 
-/// Is the stage over because its `[stop]` held, as `held` says, when the snapshot that it goes on from was written?
+/// Is the stage over because its `[stop]` held (`held`) when its snapshot was written?
 fn is_over(scene: &Scene, sim: &Simulation, held: &str) -> bool {
-    // More rain than before is more to do.
+    // Additional rain is still to come.
     let all_there = sim.all_observers().all(|drive| drive.standing().unfinished.is_none());
     all_there && !held.is_empty() && held == scene.stop.to_string()
 }
 
-/// Why a stage does not go on from the snapshot that the simulation has taken up, if it does not, and the status to
-/// end with: a job that is queued once more has done its work. `held` is the `[stop]` that held then.
+/// Reason why a stage does not continue from the restored snapshot, if it does not, and the exit status: a job that is
+/// queued once more has done its work. `held` is the `[stop]` that held then.
 fn nothing_left(
     arguments: &Arguments,
     scene: &Scene,
@@ -673,16 +675,16 @@ fn nothing_left(
     })
 }
 
-/// The command, without mpirun, that goes on from a snapshot.
+/// Command, without mpirun, that continues from a snapshot.
 fn again(arguments: &Arguments, snapshot: &Path, left: Option<u64>) -> String {
     let (scene, Arguments { out, threads, set, verbose, .. }) = (arguments.scene(), arguments);
-    // So that a shell takes it as one word.
+    // Quoted, so that a shell reads it as one word.
     let word = |value: String| {
         let plain = |c: char| c.is_ascii_alphanumeric() || "_-+=./,:@".contains(c);
         let is_plain = !value.is_empty() && value.chars().all(plain);
         if is_plain { value } else { format!("'{}'", value.replace('\'', r"'\''")) }
     };
-    // What begins with a dash would be an option.
+    // A name with a leading dash would be an option.
     let named = |path: &Path| {
         let name = path.display().to_string();
         word(if name.starts_with('-') { format!("./{name}") } else { name })
@@ -751,7 +753,7 @@ fn run(
     Ok(finish)
 }
 
-/// What runs, on how many ranks.
+/// Title, method, number of ranks and steps of the run.
 fn heading(scene: &Scene, schedule: &Schedule, sim: &Simulation, ranks: u32) -> String {
     let limit = scene.time_step_limit().map_or(String::new(), |limit| {
         let share = 100.0 * sim.dt / limit.dt;
@@ -769,7 +771,7 @@ fn heading(scene: &Scene, schedule: &Schedule, sim: &Simulation, ranks: u32) -> 
     )
 }
 
-/// A line with the command that stops one step before a fault in this step, with a snapshot.
+/// Line with the command that stops one step before a fault in this step, with a snapshot.
 fn before_fault(error: &RunError, step: u64, schedule: &Schedule, arguments: &Arguments) -> String {
     let newest = std::fs::read_link(schedule.out.join("last.vtkhdf")).ok();
     let at = newest.as_deref().and_then(snapshot::step_of);
@@ -782,7 +784,7 @@ fn before_fault(error: &RunError, step: u64, schedule: &Schedule, arguments: &Ar
     }
 }
 
-/// Says why a run could not go on; the status to end with. Where only this rank knows, it ends all.
+/// Reports why a run could not go on, and returns the exit status. If only this rank knows, it ends all ranks.
 fn failed(
     error: &RunError,
     before: &str,
@@ -795,11 +797,11 @@ fn failed(
             print_once(comm, format_args!("{error}{before}"));
         }
         RunError::Step(_) | RunError::Table(_) => {
-            // Other ranks do not know: this one speaks, and ends them.
+            // Other ranks do not know the error: this one reports it, and ends them.
             if let RunError::Step(StepError::Contact { a, .. }) = error
                 && !sim.particles.id[..sim.particles.owned].contains(a)
             {
-                // The rank that owns A has met the same, and says so.
+                // The rank that owns A has the same error, and reports it.
                 std::thread::sleep(OTHERS_FIRST);
             }
             print_error(format_args!("rank {}: {error}{before}", comm.rank().0));
@@ -819,29 +821,29 @@ fn failed(
     FAILED
 }
 
-/// What the report says of this program and the scene.
+/// Origin of the run for the report: program and scene.
 fn origin(scene: &Scene) -> Origin {
     Origin { commit: commit().map(str::to_owned), ..scene.origin() }
 }
 
-/// A bar on a terminal, a line now and then elsewhere; nothing on ranks other than 0.
+/// Progress display: a bar on a terminal, lines at intervals elsewhere, nothing on ranks other than 0.
 struct Display {
     bar: Option<ProgressBar>,
     lines: bool,
     begin: Instant,
     last_line: Instant,
     last_state: String,
-    /// Why lines about traced particles are missing, if any are.
+    /// Reason why lines about traced particles are missing, if any are.
     unprinted: Option<std::io::Error>,
 }
 
-/// How often a line is printed where there is no terminal.
+/// Interval of lines without a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
 impl Display {
     fn new(is_root: bool, steps: u64) -> Self {
         let bar = (is_root && std::io::stderr().is_terminal()).then(|| {
-            // The message gives way where the terminal is narrow.
+            // The message is shortened if the terminal is narrow.
             let style =
                 "{elapsed} [{bar:12}] {percent} % of {len} steps, {rate}, {eta} left; {wide_msg}";
             let style = ProgressStyle::with_template(style)
@@ -859,7 +861,7 @@ impl Display {
 
     fn show(&mut self, progress: &Progress) {
         if !progress.trace.is_empty() {
-            // The run goes on; its status tells.
+            // The run continues; its exit status reports the error.
             self.unprinted = arguments::print(progress.trace).err().or(self.unprinted.take());
         }
         if self.bar.is_none() && !self.lines {
@@ -888,7 +890,7 @@ impl Display {
         } else if self.last_line.elapsed() > LINE_EVERY {
             self.last_line = Instant::now();
             let Progress { done, of, .. } = *progress;
-            // Before the first step nobody knows how long one takes.
+            // The time per step is unknown before the first step.
             let pace = if done == 0 {
                 "not yet known how long it takes".to_owned()
             } else {

@@ -31,10 +31,10 @@ use std::process::ExitCode;
 
 /// Computes stress, coordination, fabric and force distributions from snapshots of dem-mpi.
 ///
-/// Give one snapshot for its numbers and plots, or several of one run for their evolution too: strains are then
-/// taken against the earliest, where a period or walls on both sides end the packing. A directory stands for its
-/// newest snapshot, with --series for all. Results go to a folder beside the last snapshot, `post` of one and `post_series`
-/// of several: index.html to look at, report.csv and report.json to compute with, every plot as SVG.
+/// Give one snapshot for its numbers and plots, or several of one run also for their evolution. Strains are then relative
+/// to the earliest, where a period or walls on both sides end the packing. A directory stands for its newest snapshot, with
+/// --series for all. Results go to a folder beside the last snapshot, `post` for one and `post_series` for several:
+/// index.html to view, report.csv and report.json for computations, every plot as SVG.
 #[derive(Parser)]
 #[command(name = "dem-post", version = version(), max_term_width = 100, after_help = EXAMPLES)]
 #[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
@@ -47,16 +47,16 @@ struct Arguments {
     #[arg(long)]
     series: bool,
 
-    /// Where to write [default: `post`, of several snapshots `post_series`, beside the last]
+    /// Output folder [default: `post`, for several snapshots `post_series`, beside the last]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 
-    /// Measure only in this box, in metres; a particle belongs to it if its centre does
+    /// Measure only particles with their centre in this box, in metres
     #[arg(long, value_name = "x0,x1,y0,y1,z0,z1", allow_hyphen_values = true)]
     region: Option<Bounds>,
 
-    /// Leave out a layer along the sides, in metres (0.004) or grain diameters (1.5d). The sides are walls where
-    /// they stand in each snapshot, else the outermost grains
+    /// Leave out a layer along the sides, in metres (0.004) or particle diameters (1.5d). The sides are walls where they
+    /// stand in each snapshot, else the outermost particles
     #[arg(long, value_name = "LENGTH", conflicts_with = "region", allow_hyphen_values = true)]
     margin: Option<Margin>,
 
@@ -64,18 +64,18 @@ struct Arguments {
     #[arg(long)]
     fabric_with_walls: bool,
 
-    /// Also write a LAMMPS dump of each snapshot, for OVITO. Of shapes that are neither spheres nor ellipsoids it has the ellipsoid
-    /// in the box of each grain
+    /// Also write a LAMMPS dump of each snapshot, for OVITO. Shapes other than spheres and ellipsoids are replaced by the
+    /// ellipsoid in the box of each particle
     #[arg(long)]
     lammps: bool,
 
-    /// Also write the true surfaces of all grains and walls of each snapshot, and its contacts as lines: grains_STEP.vtp, walls_STEP.vtp,
-    /// contacts_STEP.vtp, lists with times of each, grains.pvd, walls.pvd, contacts.pvd, and of all three, all.pvd: for ParaView, pyvista,
-    /// and through them Blender
+    /// Also write the true surfaces of all particles and walls of each snapshot, and its contacts as lines:
+    /// grains_STEP.vtp, walls_STEP.vtp, contacts_STEP.vtp. Lists with times are grains.pvd, walls.pvd, contacts.pvd, and
+    /// all.pvd for all three: for ParaView, pyvista, and through them Blender
     #[arg(long)]
     surfaces: bool,
 
-    /// How fine curved surfaces are, 0 to 5: 20, 80, 320, 1280, 5120 or 20480 triangles of each grain
+    /// Fineness of curved surfaces, 0 to 5: 20, 80, 320, 1280, 5120 or 20480 triangles for each particle
     #[arg(
         long,
         value_name = "N",
@@ -124,7 +124,7 @@ Examples:
   dem-post out/heap --slope radial --fields 1d the angle of the heap, and its density and stress on a grid
   dem-post --python > dem.py                   a reader for Python";
 
-/// What `--python` prints.
+/// Text of `--python`.
 const PYTHON: &str = include_str!("../post/dem.py");
 
 fn main() -> ExitCode {
@@ -169,7 +169,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     let snapshots = series::open(&files)?;
     let newest = &snapshots.last().context("no snapshot given")?.path;
     let beside = newest.parent().unwrap_or(Path::new("."));
-    // One of several has plots that one of one has not, and must not be replaced by it.
+    // Several snapshots have plots that a single one lacks, and must not be replaced by it.
     let folder = if snapshots.len() > 1 { "post_series" } else { "post" };
     let out = arguments.out.clone().unwrap_or_else(|| beside.join(folder));
     ensure!(
@@ -229,15 +229,15 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
 }
 
-/// Is a folder that of a run?
+/// Does a run write into this folder?
 fn is_of_run(folder: &Path) -> bool {
     let is_there = |name: &str| folder.join(name).symlink_metadata().is_ok();
     [LAST, "history.csv", "performance.csv"].into_iter().any(is_there)
         || series::all(folder).is_ok()
 }
 
-/// The particle files that the arguments stand for. Contact files, which a pattern such as
-/// `*.vtkhdf` also matches, are passed over: they are read with their particles.
+/// Particle files of the arguments. Contact files, which a pattern such as `*.vtkhdf` also matches, are skipped: they are
+/// read with their particles.
 fn particle_files(arguments: &Arguments) -> Result<Vec<PathBuf>> {
     let Arguments { snapshots, series: whole_series, diff: is_diff, .. } = arguments;
     let (mut files, mut named_before) = (Vec::new(), BTreeSet::new());
@@ -316,7 +316,7 @@ fn write_lammps(out: &Path, reader: &Reader) -> Result<()> {
     })
 }
 
-/// Writes what was asked for of surfaces, points and lines.
+/// Writes the requested surfaces, points and lines.
 fn write_pictures(out: &Path, snapshots: &[Snapshot], arguments: &Arguments) -> Result<()> {
     let Arguments { surfaces, vtp: points, detail, .. } = *arguments;
     if points {
@@ -334,7 +334,7 @@ fn write_pictures(out: &Path, snapshots: &[Snapshot], arguments: &Arguments) -> 
     Ok(())
 }
 
-/// Writes a file of each snapshot, and the list of them with their times, which it returns.
+/// Writes a file for each snapshot, and returns the list of them with their times, which it also writes.
 fn write_vtp(
     out: &Path,
     snapshots: &[Snapshot],
@@ -364,7 +364,7 @@ fn write_file(
     written.with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// The scalars of the run, if there are any; a damaged table is reported and ignored.
+/// Scalars of the run, if there are any; a damaged table is reported and ignored.
 fn history_beside(directory: &Path) -> History {
     let path = directory.join("history.csv");
     let Ok(file) = files::open(&path) else { return History::default() };
@@ -374,7 +374,7 @@ fn history_beside(directory: &Path) -> History {
     })
 }
 
-/// A run without a title is called after its folder.
+/// Title of a run without one: the name of its folder.
 fn title(directory: &Path) -> String {
     let name = directory.file_name().map(|n| n.to_string_lossy().into_owned());
     name.unwrap_or_else(|| "Snapshot".into())
@@ -392,7 +392,7 @@ fn write_all(out: &Path, title: &str, reports: &[Report], plots: &[Plot]) -> Res
     write("index.html", &page::page(title, reports, plots))
 }
 
-/// The numbers for a terminal.
+/// Results in text form for a terminal.
 fn table(report: &Report) -> String {
     let summary = &report.summary;
     let mut lines =

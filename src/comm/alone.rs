@@ -1,4 +1,4 @@
-//! One rank without MPI: a parcel to oneself comes straight back.
+//! One rank without MPI: a parcel to oneself returns at once.
 
 use super::{Comm, Parcel, Source};
 use crate::ids::Rank;

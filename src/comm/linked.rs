@@ -1,13 +1,13 @@
-//! Which MPI this program has loaded: HDF5 must have been made for the same one.
+//! Check of the loaded MPI: HDF5 must have been built for the same one.
 
 use std::collections::BTreeSet;
 use std::fmt::{Display, Formatter};
 
-/// HDF5 and the program bring an MPI each. To one the communicators of the other mean nothing: runs would fail
-/// somewhere in HDF5, or hang.
+/// Error for two loaded MPI libraries, one of HDF5 and one of the program. Their communicators are incompatible: runs
+/// would fail somewhere in HDF5, or hang.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TwoMpis {
-    /// The files of the libraries.
+    /// Files of the libraries.
     pub libraries: Vec<String>,
 }
 
@@ -26,18 +26,18 @@ impl Display for TwoMpis {
 
 impl std::error::Error for TwoMpis {}
 
-/// To be asked before MPI is initialised.
+/// Checks that at most one MPI library is loaded; to be called before MPI is initialised.
 ///
 /// # Errors
-/// If more than one MPI library is loaded. Where a system does not tell what is loaded (there is no `/proc`), or where
-/// MPI is linked statically, that is not found.
+/// If more than one MPI library is loaded. It is not detected if the system does not list loaded files (without
+/// `/proc`), or if MPI is linked statically.
 pub fn one_mpi() -> Result<(), TwoMpis> {
     let maps = std::fs::read("/proc/self/maps").unwrap_or_default();
     let libraries = mpi_libraries(&String::from_utf8_lossy(&maps));
     if libraries.len() > 1 { Err(TwoMpis { libraries }) } else { Ok(()) }
 }
 
-/// The MPI libraries in a process's memory map, each once. Parts of one, such as `libmpi_cxx`, are none themselves.
+/// MPI libraries in a process's memory map, each once. Parts of one, such as `libmpi_cxx`, are not counted.
 fn mpi_libraries(maps: &str) -> Vec<String> {
     // address permissions offset device inode path
     let path = |line: &str| line.find('/').map(|at| line[at..].to_owned());
@@ -49,7 +49,7 @@ fn mpi_libraries(maps: &str) -> Vec<String> {
     all.into_iter().collect()
 }
 
-/// Is this the rank to speak, as far as that is known before MPI is initialised? One without a launcher is.
+/// Is this the rank that prints, as far as that is known before MPI is initialised? A rank without a launcher is.
 pub fn speaks() -> bool {
     let ranks = ["OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID"];
     ranks.iter().find_map(|name| std::env::var(name).ok()).is_none_or(|rank| rank == "0")
@@ -79,7 +79,7 @@ mod tests {
         assert!(found[0].ends_with("libmpich.so.12.2.1"), "{found:?}");
     }
 
-    /// The programs themselves are looked at by `tests/program/linked.rs`.
+    /// The programs themselves are checked by `tests/program/linked.rs`.
     #[test]
     fn this_test_has_no_two() {
         assert_eq!(one_mpi(), Ok(()));

@@ -1,6 +1,6 @@
-//! Ranks as threads of one process, for tests and for a debugger: the same code above, no MPI.
+//! Ranks as threads of one process, for tests and debugging, without MPI.
 //!
-//! Every pair of ranks has a mailbox that keeps the order of its parcels; a reduction is a gather to
+//! Every pair of ranks has a mailbox that keeps the order of its parcels. A reduction is a gather to
 //! rank 0 and a broadcast. A rank that panics or aborts makes every waiting rank panic too, so that
 //! a test ends instead of hanging.
 
@@ -11,7 +11,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 type Mailboxes = BTreeMap<(Rank, Rank), VecDeque<Vec<u8>>>;
 
-/// A started sum: how many ranks have added to it, how many have read it.
+/// A started sum, with the numbers of ranks that have added to it and read it.
 #[derive(Default)]
 struct Running {
     added: u32,
@@ -22,14 +22,14 @@ struct Running {
 #[derive(Default)]
 struct State {
     mailboxes: Mailboxes,
-    /// By their number.
+    /// Sums by their number.
     sums: BTreeMap<u64, Running>,
     ended: bool,
 }
 
 struct Hub {
     state: Mutex<State>,
-    /// Each rank waits for its own: one for all would wake all of them for each parcel.
+    /// One condition variable per rank: a common one would wake all ranks for each parcel.
     changed: Vec<Condvar>,
 }
 
@@ -38,7 +38,7 @@ impl Hub {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits until something has changed for a rank.
+    /// Waits for a change for this rank.
     fn wait<'a>(&self, state: MutexGuard<'a, State>, rank: Rank) -> MutexGuard<'a, State> {
         self.changed[rank.0 as usize].wait(state).unwrap_or_else(PoisonError::into_inner)
     }
@@ -48,17 +48,17 @@ impl Hub {
     }
 }
 
-/// One of the threads.
+/// A rank in a thread.
 pub struct ThreadRank {
     rank: Rank,
     size: u32,
     hub: Arc<Hub>,
     sources: Vec<Source>,
-    /// How many sums this rank has started.
+    /// Number of sums that this rank has started.
     sums: u64,
 }
 
-/// Runs `body` on `size` ranks, each a thread, and returns what each returned, by rank.
+/// Runs `body` on `size` ranks, each a thread, and returns their results by rank.
 ///
 /// # Panics
 /// If any rank panics or aborts.
@@ -101,7 +101,7 @@ impl ThreadRank {
         }
     }
 
-    /// Gathers a value of each rank at rank 0, combines them there and hands the result to all.
+    /// Gathers a value of each rank at rank 0, combines them there and sends the result to all.
     fn reduce<T: bytemuck::Pod>(&mut self, values: &mut [T], combine: impl Fn(&mut T, T)) {
         let gathered = self.gather(bytemuck::cast_slice(values).to_vec());
         let mut result = Vec::new();

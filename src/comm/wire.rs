@@ -1,14 +1,13 @@
-//! The wire format of what is ragged and rare: the scene, migrating particles. (The halo of every
-//! step is plain packed `f64`.)
+//! Wire format of irregular and rare data: the scene, migrating particles. (The halo of every step is plain packed `f64`.)
 //!
-//! bincode stands behind these two functions and nowhere else, so that it can be replaced. Its last release that compiles,
-//! 2.0.1, is pinned; it is no longer maintained (RUSTSEC-2025-0141). It sees no files: the bytes come from a rank of the same
-//! run, and lengths in them are bounded nevertheless.
+//! Only these two functions use bincode, so that it can be replaced. Its last release that compiles, 2.0.1, is pinned; it
+//! is no longer maintained (RUSTSEC-2025-0141). It reads no files: the bytes come from a rank of the same run, and lengths
+//! in them are bounded nevertheless.
 
 use bincode::config::standard;
 use serde::{Serialize, de::DeserializeOwned};
 
-/// No message is longer [bytes]: a length beyond it is refused before memory is taken for it.
+/// Longest message [bytes]: a larger length is rejected before memory is allocated for it.
 const LONGEST: usize = 1 << 36;
 
 /// A value as bytes.
@@ -20,7 +19,7 @@ pub fn encode<T: Serialize>(value: &T) -> Vec<u8> {
         .expect("plain data has no way to fail to encode")
 }
 
-/// The value that [`encode`] made these bytes of, on a rank of the same run.
+/// The value of bytes made by [`encode`] on a rank of the same run.
 ///
 /// # Panics
 /// If the bytes are of something else: the ranks are out of step.

@@ -12,13 +12,13 @@ use std::ffi::{c_int, c_void};
 use std::io::{self, Write};
 use std::mem::MaybeUninit;
 
-/// Tags keep expected and unexpected parcels apart.
+/// Tags of expected and unexpected parcels.
 const EXPECTED: c_int = 1;
 const ROUTED: c_int = 2;
 
-/// So many looks at what is waited for take some microseconds: after them a rank gives way between looks.
-/// Open MPI does that only when asked to, MPICH never: ranks that share a core would then wait for each
-/// other's time slices.
+/// Number of polls before a rank yields its core between polls; these take some microseconds. Open MPI
+/// yields only when asked to, MPICH never: ranks that share a core would then wait for each other's time
+/// slices.
 const LOOKS: u32 = 50;
 
 /// One rank of an MPI run.
@@ -26,11 +26,11 @@ pub struct World {
     comm: SimpleCommunicator,
     under_way: UnderWay,
     sum: Option<StartedSum>,
-    // Last, so that MPI is finalised after everything else is gone.
+    // Last, so that MPI is finalised after all other fields are dropped.
     _universe: Universe,
 }
 
-/// A started exchange. Buffers live here until their requests are complete.
+/// A started exchange. Its buffers stay here until the requests are complete.
 #[derive(Default)]
 struct UnderWay {
     sent: Vec<Vec<u8>>,
@@ -39,9 +39,9 @@ struct UnderWay {
     sources: Vec<Rank>,
 }
 
-/// A started sum. The buffer lives here until the request is complete.
+/// A started sum. Its buffer stays here until the request is complete.
 struct StartedSum {
-    /// The values of this rank, then those that MPI sums.
+    /// Values of this rank, then those that MPI sums.
     buffer: Vec<i64>,
     request: ffi::MPI_Request,
 }
@@ -56,8 +56,8 @@ pub fn launched() -> bool {
 impl World {
     /// Initialises MPI.
     ///
-    /// A panic on one rank would unwind into `MPI_Finalize` and wait there for the others for ever;
-    /// the hook set here ends all ranks instead.
+    /// A panic on one rank would unwind into `MPI_Finalize` and wait there for the others for ever. The
+    /// hook set here ends all ranks instead.
     ///
     /// # Panics
     /// If MPI has been initialised before.
@@ -67,7 +67,7 @@ impl World {
         let rank = comm.rank();
         let print = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |info| {
-            // Where nobody listens, that is no reason to hang.
+            // A closed standard error must not make the rank hang.
             let text = format!("rank {rank} met a bug of dem-mpi and ends the run:\n");
             let _ = io::stderr().write_all(text.as_bytes());
             print(info);
@@ -96,7 +96,7 @@ impl World {
         self.under_way.sent.push(bytes);
     }
 
-    /// Takes the next parcel from `source` (or any), whatever its size.
+    /// Takes the next parcel of any size from `source` (or any rank).
     fn probe_and_receive(&self, source: c_int, tag: c_int) -> Parcel {
         let mut message = MaybeUninit::uninit();
         let mut status = MaybeUninit::uninit();
@@ -143,10 +143,10 @@ impl World {
         self.under_way.sent.clear();
     }
 
-    /// Starts to combine the values of all ranks.
+    /// Starts a reduction over the values of all ranks.
     ///
     /// # Safety
-    /// Both places have this many values of this kind, and stay there until the request is complete.
+    /// Both places must have this many values of this kind, and stay valid until the request is complete.
     unsafe fn start_reduction(
         &self,
         mine: *const c_void,
@@ -172,7 +172,7 @@ impl World {
     }
 }
 
-/// Looks again and again until MPI says that it is so.
+/// Polls until MPI reports completion.
 fn until(mut look: impl FnMut(&mut c_int)) {
     let mut is_so = 0;
     for looks in 0_u32.. {
@@ -186,7 +186,7 @@ fn until(mut look: impl FnMut(&mut c_int)) {
     }
 }
 
-/// Waits for one request, which is live, as is its buffer.
+/// Waits for one live request with a live buffer.
 fn wait_for(mut request: ffi::MPI_Request) {
     // SAFETY: as above.
     until(|done| unsafe {
@@ -200,7 +200,7 @@ impl Default for World {
     }
 }
 
-/// A message's length as MPI counts it.
+/// Length of a message in MPI's type.
 fn length(bytes: usize) -> c_int {
     c_int::try_from(bytes).expect("a message to one rank is under 2 GiB: use more ranks")
 }
@@ -264,7 +264,7 @@ impl Comm for World {
         for parcel in &outgoing {
             incoming[parcel.rank.index()] += 1;
         }
-        // Also a barrier: nobody routes again before everybody has begun, so rounds cannot mix.
+        // Also a barrier: no rank routes again before every rank has begun, so rounds cannot mix.
         self.sum(&mut incoming);
         for parcel in outgoing {
             self.send(parcel, ROUTED);

@@ -1,8 +1,8 @@
-//! The contacts of a rank: the pairs that touch, what is remembered of them, what acts in them.
+//! Contacts of a rank: the touching pairs, their state and their forces.
 //!
-//! They stand in the order of the list of pairs, in columns for each stretch of it. A step goes through the stretches:
-//! resolvers say what touches, [`Contacts::arrange`] puts that in order beside what was remembered, and in
-//! [`Contacts::compute_forces`] a law finds the forces, and the new columns take the place of the old.
+//! They stand in the order of the list of pairs, in columns for each stretch of it. A step goes through the stretches.
+//! Resolvers find the touching pairs. [`Contacts::arrange`] orders them beside the state of the last step. In
+//! [`Contacts::compute_forces`] a law finds the forces, and the new columns replace the old.
 
 mod passing;
 mod pieces;
@@ -29,24 +29,24 @@ pub const CONTACT_COLUMNS: usize =
 /// Contacts in the order of their pairs. Columns that a scene does not need are empty.
 #[derive(Clone, Debug, Default)]
 struct Columns {
-    /// Their bodies.
+    /// Bodies.
     pairs: Vec<Pair>,
-    /// Their numbers in the stretch.
+    /// Numbers in the stretch.
     numbers: Vec<u32>,
     /// Normals and overlaps.
     geometry: Vec<Geometry>,
-    /// What the law remembers: as many numbers of each as it declares.
+    /// State of the law: as many values for each contact as the law declares.
     state: Vec<f64>,
-    /// Forces of A on B [N]; none until they are found.
+    /// Forces of A on B [N]; empty until they are found.
     forces: Vec<Vec3>,
-    /// Where they act, seen from the centre of A [m]; none if all are spheres.
+    /// Contact points from the centres of A [m]; empty if all particles are spheres.
     points: Vec<Vec3>,
-    /// What else there is of contacts of faces; none if no body has any.
+    /// Further geometry of contacts of faces; empty if no body has faces.
     patches: Vec<Patch>,
 }
 
 impl Columns {
-    /// Forgets what touches. A law writes over what it found and remembered, so that stays.
+    /// Empties the columns of touching pairs. Forces and state stay, because a law overwrites them.
     fn clear(&mut self) {
         self.pairs.clear();
         self.numbers.clear();
@@ -55,7 +55,7 @@ impl Columns {
         self.patches.clear();
     }
 
-    /// Makes room for so many contacts and few more: growing would double it.
+    /// Reserves room for this number of contacts and few more, because growing would double it.
     fn reserve(&mut self, count: usize, width: usize, needs: Needs) {
         reserve(&mut self.pairs, count);
         reserve(&mut self.forces, count);
@@ -63,8 +63,8 @@ impl Columns {
         self.reserve_touching(count, needs);
     }
 
-    /// The same of the columns that say what touches, without anything in them. The others keep their room, and
-    /// what is in it: a law writes over it.
+    /// Replaces the columns of touching pairs by empty ones with room. The others keep their room and content, because a
+    /// law overwrites it.
     fn renew_touching(&mut self, count: usize, needs: Needs) {
         let Self { pairs, state, forces, .. } = std::mem::take(self);
         *self = Self { pairs, state, forces, ..Self::default() };
@@ -83,7 +83,7 @@ impl Columns {
         }
     }
 
-    /// Hands over what touches, for what has touched or its room.
+    /// Swaps the columns of touching pairs with `touching`.
     fn swap(&mut self, touching: &mut Touching) {
         std::mem::swap(&mut self.numbers, &mut touching.pair);
         std::mem::swap(&mut self.geometry, &mut touching.geometry);
@@ -91,14 +91,14 @@ impl Columns {
         std::mem::swap(&mut self.patches, &mut touching.patch);
     }
 
-    /// Makes a place for each number that a law finds.
+    /// Resizes forces and state to the number of contacts.
     fn make_places(&mut self, width: usize) {
         let count = self.pairs.len();
         resize(&mut self.forces, count, Vec3::zeros());
         resize(&mut self.state, count * width, 0.0);
     }
 
-    /// Gives back the room that growing has taken.
+    /// Frees the room of grown columns beyond their content.
     fn shrink(&mut self) {
         let Self { pairs, numbers, geometry, state, forces, points, patches } = self;
         pairs.shrink_to_fit();
@@ -110,7 +110,7 @@ impl Columns {
         patches.shrink_to_fit();
     }
 
-    /// What the law remembers of a contact.
+    /// State values of a contact.
     fn state(&self, place: usize) -> &[f64] {
         let width = self.state.len() / self.pairs.len();
         &self.state[place * width..][..width]
@@ -121,7 +121,7 @@ impl Columns {
         law.normal_force(self.pairs[place], particles, &self.geometry[place], self.state(place))
     }
 
-    /// Where a contact acts, seen from the centre of A [m].
+    /// Contact point from the centre of A [m].
     fn point(&self, place: usize, particles: &Particles) -> Vec3 {
         let Geometry { normal, overlap } = &self.geometry[place];
         let radius = || particles.radius(self.pairs[place].a.index());
@@ -161,16 +161,16 @@ impl Columns {
 
 /// Slots by the ids of their bodies.
 struct SlotsById {
-    /// The lowest id.
+    /// Lowest id.
     first: u64,
-    /// Of the ids from there on, as far as they are as dense as this; [`Self::NONE`] of others.
+    /// Slots of the ids from there on, up to a range where they are dense; [`Self::NONE`] for ids without a slot.
     dense: Vec<u32>,
     others: HashMap<GlobalId, u32>,
 }
 
 impl SlotsById {
     const NONE: u32 = u32::MAX;
-    /// A hash takes as much room for each.
+    /// Largest range per id: a hash map takes as much room.
     const WIDEST: usize = 8;
 
     fn of(ids: &[GlobalId]) -> Self {
@@ -197,12 +197,12 @@ impl SlotsById {
     }
 }
 
-/// Room for so many entries of an empty column, and a few more.
+/// Reserves room for this number of entries of an empty column, and a few more.
 fn reserve<T>(column: &mut Vec<T>, count: usize) {
     column.reserve_exact(count + count / 32);
 }
 
-/// Makes it so long, in its room unless that is too small or far too large; what is in it is to be written over.
+/// Sets the length, in the present room unless that is too small or far too large; the content will be overwritten.
 fn resize<T: Clone>(column: &mut Vec<T>, length: usize, value: T) {
     if !(length..=length + length / 4 + 64).contains(&column.capacity()) {
         *column = Vec::new();
@@ -211,15 +211,15 @@ fn resize<T: Clone>(column: &mut Vec<T>, length: usize, value: T) {
     column.resize(length, value);
 }
 
-/// Is there room for so many contacts, and not for many more?
+/// Is there room for this number of contacts, and not for many more?
 fn fits(columns: &Columns, count: usize) -> bool {
     (count..=count + count / 8 + 4).contains(&columns.numbers.capacity())
 }
 
-/// So much room is kept for stretches of other lengths.
+/// Number of spare columns that are kept for stretches of other lengths.
 const SPARE: usize = 3;
 
-/// Empty columns with room for so many contacts and not many more.
+/// Empty columns with room for this number of contacts and not many more.
 fn room(spare: &mut Vec<Columns>, count: usize, width: usize, needs: Needs) -> Columns {
     if let Some(place) = spare.iter().position(|columns| fits(columns, count)) {
         let mut columns = spare.swap_remove(place);
@@ -234,67 +234,67 @@ fn room(spare: &mut Vec<Columns>, count: usize, width: usize, needs: Needs) -> C
     columns
 }
 
-/// A contact.
+/// A contact with its force and state.
 #[derive(Clone, Copy, Debug)]
 pub struct Loaded<'a> {
-    /// Its bodies.
+    /// Bodies.
     pub pair: Pair,
     /// Normal and overlap.
     pub geometry: &'a Geometry,
-    /// What the law remembers, see [`ForceLaw::state`].
+    /// State values, see [`ForceLaw::state`].
     pub state: &'a [f64],
     /// Normal force [N].
     pub normal_force: f64,
     /// Force of A on B [N]; A feels the opposite.
     pub force: Vec3,
-    /// Where it acts, seen from the centre of A [m].
+    /// Contact point from the centre of A [m].
     pub point: Vec3,
-    /// What else there is of it, if it has an extent.
+    /// Further geometry of a contact with an extent.
     pub patch: Option<&'a Patch>,
 }
 
-/// The touching contacts of a rank.
+/// Touching contacts of a rank.
 #[derive(Clone, Debug, Default)]
 pub struct Contacts {
-    /// What the law remembers of each.
+    /// State columns of the law.
     remembered: Vec<StateColumn>,
-    /// Numbers in these columns.
+    /// Number of values in these columns.
     width: usize,
-    /// For each stretch of the list of pairs.
+    /// Contacts of each stretch of the list of pairs.
     stretches: Vec<Columns>,
-    /// Those of the stretch in work, of this step.
+    /// Present contacts of the stretch in work.
     now: Columns,
-    /// Room that stretches have had for those of the last step.
+    /// Spare columns from stretches of the last step.
     spare: Vec<Columns>,
-    /// Of each pair of the stretch in work, its contact of the last step.
+    /// For each pair of the stretch in work, its contact of the last step.
     previous: Vec<Previous>,
-    /// Of each pair of the stretch in work, where it stands in what has been found.
+    /// For each pair of the stretch in work, its place in the results of resolvers.
     found: Vec<u32>,
-    /// What has been found, in the order of the pairs.
+    /// Places in the results, in the order of the pairs.
     order: Vec<u32>,
-    /// Of each contact in work, where it stood at the last step; empty if the same pairs touch.
+    /// Place of each contact in work at the last step; empty if the same pairs touch.
     from: Vec<Previous>,
     separated: Vec<Separated>,
-    /// How curved the bodies of the contacts in work are; none if the law does not ask.
+    /// Curvature of the bodies of the contacts in work; empty if the law does not use it.
     curvatures: Vec<Curvature>,
-    /// The part of the mass that each has of those in work; none without pieces of unions.
+    /// Share of the masses of their bodies for the contacts in work; empty without pieces of unions.
     shares: Vec<f64>,
 }
 
 impl Contacts {
-    /// None, of which a law remembers these columns.
+    /// No contacts, with these state columns of the law.
     pub fn of(remembered: &[StateColumn]) -> Self {
         let width = StateColumn::total_width(remembered);
         Self { remembered: remembered.to_vec(), width, ..Self::default() }
     }
 
-    /// What the law remembers of each.
+    /// State columns of the law.
     pub fn remembered(&self) -> &[StateColumn] {
         &self.remembered
     }
 
-    /// Takes what is remembered to a new list of pairs of bodies with these places in the order of space. `carried` has the records of
-    /// all touching contacts of owned particles, in any order; a contact may stand there twice.
+    /// Transfers the state to a new list of pairs, for bodies with these places in the spatial order. `carried` has the
+    /// records of all touching contacts of owned particles, in any order; a contact may appear twice.
     pub fn rebuild(
         &mut self,
         list: &PairList,
@@ -302,7 +302,7 @@ impl Contacts {
         places: &[u32],
         carried: &ContactRecords,
     ) {
-        // Both stand in one order; walls have the last places.
+        // Both have the same order; walls have the last places.
         let key = |pair: Pair| (pair.b.index() >= particles.first_facet(), in_order(pair, places));
         let slots = SlotsById::of(&particles.id);
         let named = |row: u32| {
@@ -336,7 +336,7 @@ impl Contacts {
         }
     }
 
-    /// Asks memory for what is remembered of a stretch.
+    /// Prefetches the state of a stretch.
     pub fn prefetch(&self, stretch: usize) {
         let Columns { pairs, numbers, geometry, state, .. } = &self.stretches[stretch];
         prefetch(pairs);
@@ -345,8 +345,8 @@ impl Contacts {
         prefetch(state);
     }
 
-    /// Prepares a stretch for being looked at: what touches goes where it will stay, and pairs of other bodies than spheres learn
-    /// where they stood.
+    /// Prepares a stretch for resolvers: room for touching pairs, and for shapes other than spheres the place of each pair
+    /// at the last step.
     pub fn prepare(
         &mut self,
         stretch: usize,
@@ -359,7 +359,7 @@ impl Contacts {
         self.now.swap(touching);
         self.previous.clear();
         if !needs.orientation {
-            // Of spheres nobody asks for the last normal.
+            // For spheres the last normal is not used.
             return;
         }
         self.previous.resize(length, Previous::NONE);
@@ -368,7 +368,7 @@ impl Contacts {
         }
     }
 
-    /// Pairs of the stretch as resolvers see them.
+    /// Pairs of the stretch, in the form that resolvers use.
     pub fn batch<'a>(
         &'a self,
         stretch: usize,
@@ -380,8 +380,8 @@ impl Contacts {
         Batch { pairs, previous: &self.previous, geometry, active, bodies: particles.bodies() }
     }
 
-    /// Takes contacts back that outlive their overlap: those of the last step whose surfaces are nearer than
-    /// [`ForceLaw::outlives`] says. They have a negative overlap, and do not rest.
+    /// Keeps contacts that outlive their overlap: those of the last step whose gap is below [`ForceLaw::outlives`]. They
+    /// have a negative overlap, and their pairs do not rest.
     pub fn keep_outliving(
         &self,
         stretch: usize,
@@ -403,8 +403,8 @@ impl Contacts {
         });
     }
 
-    /// Puts what has been found in a stretch in the order of its pairs, beside what was remembered of each. If the same pairs
-    /// touch as before, they stay where they are until [`Contacts::compute_forces`] takes them over.
+    /// Orders the touching pairs of a stretch like its pairs, beside their state of the last step. If the same pairs touch
+    /// as before, they stay where they are until [`Contacts::compute_forces`] takes them over.
     pub fn arrange(
         &mut self,
         stretch: usize,
@@ -420,7 +420,7 @@ impl Contacts {
         if with_pieces {
             pieces::merge(touching, pairs, particles);
         }
-        // As a rule the same touch, and were found in their order: then nothing else is looked at.
+        // Usually the same pairs touch and were found in order: then no further check is needed.
         let are_same = touching.pair == self.stretches[stretch].numbers;
         if are_same || touching.pair.is_sorted() {
             self.now.swap(touching);
@@ -456,7 +456,7 @@ impl Contacts {
         }
     }
 
-    /// Contact points that are remembered are seen from the piece that has the contact now.
+    /// Gives remembered contact points from the piece that has the contact now.
     fn see_from_new_pieces(&mut self, stretch: usize, particles: &Particles) {
         let Self { stretches, now, from, remembered, width, .. } = self;
         let mut columns = StateColumn::ranges(remembered);
@@ -476,7 +476,7 @@ impl Contacts {
         }
     }
 
-    /// Puts what touches in the order of pairs, of which there are so many.
+    /// Orders touching pairs by the `length` pairs of the stretch.
     fn sort(&mut self, length: usize, touching: &Touching, needs: Needs) {
         let Self { found, order, now, .. } = self;
         if !fits(now, touching.len()) {
@@ -487,7 +487,7 @@ impl Contacts {
         for (&pair, place) in touching.pair.iter().zip(0..) {
             found[pair as usize] = place;
         }
-        // Every place is written, and the next one over it if the pair does not touch: no branch to be guessed wrongly.
+        // Every place is written, and overwritten by the next one if the pair does not touch: no branch to mispredict.
         order.clear();
         order.resize(length + 1, 0);
         let mut count = 0;
@@ -506,7 +506,7 @@ impl Contacts {
         }
     }
 
-    /// Lets `law` find the forces of what has been arranged, and keeps that in place of what was remembered.
+    /// Lets `law` find the forces of the arranged contacts, and replaces the contacts of the last step by them.
     pub fn compute_forces(
         &mut self,
         stretch: usize,
@@ -518,7 +518,7 @@ impl Contacts {
         let Self { stretches, now, spare, from, separated, width, curvatures, shares, .. } = self;
         let before = &mut stretches[stretch];
         if from.is_empty() && separated.is_empty() {
-            // The same pairs touch, and nobody will ask again for those before.
+            // Pairs are unchanged, and the old columns are not needed again.
             std::mem::swap(&mut now.pairs, &mut before.pairs);
         }
         now.make_places(*width);
@@ -543,7 +543,7 @@ impl Contacts {
         spare.push(std::mem::replace(&mut stretches[stretch], std::mem::take(now)));
     }
 
-    /// What has been arranged and did not touch at the last step.
+    /// Arranged contacts that did not touch at the last step.
     pub fn new_touches<'a>(
         &'a self,
         particles: &'a Particles,
@@ -557,7 +557,7 @@ impl Contacts {
         })
     }
 
-    /// The contacts whose forces have been found, in the order of pairs; those with walls are the last.
+    /// Contacts whose forces have been found, in the order of pairs; those with walls come last.
     pub fn loaded<'a>(
         &'a self,
         law: &'a dyn ForceLaw,
@@ -566,8 +566,8 @@ impl Contacts {
         self.stretches.iter().flat_map(move |columns| columns.loaded(law, particles))
     }
 
-    /// What presses on walls: bodies, geometry and normal force [N] of each contact. Known after a restart, too, before
-    /// any force has been found.
+    /// Contacts with walls: bodies, geometry and normal force [N]. Also known after a restart, before any force has been
+    /// found.
     pub fn pressing_on_walls<'a>(
         &'a self,
         law: &'a dyn ForceLaw,
@@ -581,7 +581,7 @@ impl Contacts {
         })
     }
 
-    /// The contacts with walls, and the force on the wall [N] of each, once forces have been found.
+    /// Contacts with walls, with the force on the wall [N], once forces have been found.
     pub fn forces_on_walls<'a>(
         &'a self,
         particles: &'a Particles,
@@ -590,7 +590,7 @@ impl Contacts {
         columns.flat_map(|columns| columns.pairs.iter().copied().zip(&columns.forces))
     }
 
-    /// The contacts with walls, with their normals and overlaps.
+    /// Contacts with walls, with their normals and overlaps.
     pub fn on_walls<'a>(
         &'a self,
         particles: &'a Particles,
@@ -604,21 +604,21 @@ impl Contacts {
         self.stretches.iter().flat_map(|columns| columns.pairs.iter().copied().zip(&columns.forces))
     }
 
-    /// Contacts with walls stand in stretches of their own.
+    /// Stretches of contacts with walls, which are separate from the others.
     fn with_walls<'a>(&'a self, particles: &'a Particles) -> impl Iterator<Item = &'a Columns> {
         let is_with_wall = |pair: &Pair| pair.b.index() >= particles.first_facet();
         let has_walls = move |columns: &&Columns| columns.pairs.first().is_some_and(is_with_wall);
         self.stretches.iter().filter(has_walls)
     }
 
-    /// The pairs that touch, with their normals and overlaps.
+    /// Touching pairs, with their normals and overlaps.
     pub fn iter(&self) -> impl Iterator<Item = (Pair, &Geometry)> {
         self.stretches
             .iter()
             .flat_map(|columns| columns.pairs.iter().copied().zip(&columns.geometry))
     }
 
-    /// The same, with the contact point.
+    /// Touching pairs, with overlap, normal and contact point.
     pub fn touches<'a>(
         &'a self,
         particles: &'a Particles,
@@ -631,17 +631,17 @@ impl Contacts {
         })
     }
 
-    /// How many pairs touch.
+    /// Number of touching pairs.
     pub fn len(&self) -> usize {
         self.stretches.iter().map(|columns| columns.pairs.len()).sum()
     }
 
-    /// Does nothing touch?
+    /// Is there no touching pair?
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// How many contacts each owned particle has, with particles and walls.
+    /// Number of contacts of each owned particle, with particles and walls.
     pub fn coordination(&self, particles: &Particles) -> Vec<i32> {
         let mut contacts = vec![0; particles.owned];
         for slot in self.iter().flat_map(|(pair, _)| [pair.a, pair.b]) {
@@ -652,7 +652,7 @@ impl Contacts {
         contacts
     }
 
-    /// What is remembered of each contact, under its lasting name.
+    /// State of each contact, with its permanent name.
     pub fn named<'a>(
         &'a self,
         particles: &'a Particles,
@@ -670,7 +670,7 @@ impl Contacts {
         })
     }
 
-    /// Bytes that all of it holds.
+    /// Bytes of all columns.
     pub fn bytes(&self) -> usize {
         let columns: usize =
             self.stretches.iter().chain([&self.now]).chain(&self.spare).map(Columns::bytes).sum();
@@ -699,7 +699,7 @@ mod tests {
     const REMEMBERED: [StateColumn; 2] =
         [StateColumn::new("spring", 3, "m"), StateColumn::new("normal_force", 1, "N")];
 
-    /// All pairs of a few bodies, and contacts of every third of them, remembered.
+    /// All pairs of a few bodies, with contacts of every third pair and their state.
     fn remembered(particles: &mut Particles) -> (PairList, Contacts, ContactRecords) {
         let mut list = PairList::default();
         let places = particles.places();
@@ -713,7 +713,7 @@ mod tests {
                 state: &[0.0, number as f64, 0.0, -(number as f64)],
             });
         }
-        // In any order, and some twice, as they come from other ranks.
+        // In any order and partly twice, like records from other ranks.
         let mut carried = ContactRecords::of(&REMEMBERED);
         for row in (0..named.len()).rev().chain(0..5) {
             carried.push(&named.get(row));
@@ -736,14 +736,14 @@ mod tests {
         assert!(contacts.named(&particles).map(|(_, named)| named).eq(named.iter()));
     }
 
-    /// Whatever the order in which resolvers find them.
+    /// State is matched for any order in which resolvers find contacts.
     #[test]
     fn what_is_found_stands_beside_what_was_remembered() {
         let mut particles = crowd(30, false);
         let (list, mut contacts, _) = remembered(&mut particles);
         let stretch = &list.stretches[0];
         let pairs = &list.pairs[stretch.range.clone()];
-        // Every second touches now; every sixth did before and does still.
+        // Every second pair touches now; every sixth pair did before and still does.
         let found = (0..pairs.len()).step_by(2);
         let geometry = |pair: usize| Geometry { overlap: pair as f64, ..Geometry::default() };
         let mut touching = Touching {

@@ -1,4 +1,4 @@
-//! Contacts that go over from one facet or one piece to another take along what is remembered.
+//! Transfer of state between contacts that move from one facet or piece to another.
 
 use super::pieces;
 use super::surfaces::OnMesh;
@@ -7,8 +7,8 @@ use crate::ids::GlobalId;
 use crate::law::Separated;
 use crate::particles::Particles;
 
-/// Lets new contacts on meshes go on from those that have ended on facets beside theirs, and those of pieces from those of others of the same
-/// bodies: of several, from that with the nearest normal.
+/// Lets new contacts on meshes continue ended ones on adjacent facets, and contacts of pieces continue those of other
+/// pieces of the same bodies. If there are several, the one with the nearest normal is continued.
 pub(super) fn pass_on(
     (now, geometry): (&[Pair], &[Geometry]),
     (before, geometry_before): (&[Pair], &[Geometry]),

@@ -1,10 +1,11 @@
-//! Two bodies have one contact in each place, however many pieces meet there.
+//! Contacts of unions: two bodies have one contact in each place, for any number of pieces that meet there.
 //!
-//! Volumes that pieces with faces share are put together ([`thickness_of_pieces`]). That contact belongs to the first pair of pieces of its place. Where
-//! another comes to be the first, it takes along what is remembered. Others that are one to more than [`ONE`] press as one ([`share_depth`]).
+//! Volumes that pieces with faces share are joined ([`thickness_of_pieces`]). The resulting contact belongs to the first
+//! pair of pieces of its place. If another pair becomes the first, it takes over the state. Other pieces that coincide by
+//! more than [`ONE`] press as one ([`share_depth`]).
 //!
-//! Contacts of two bodies in several places share the mass of these: as many as press the same way have as many times the stiffness, and would else
-//! have too much damping ([`shares`]).
+//! Contacts of two bodies in several places share the masses of the bodies: contacts that press in the same direction add
+//! their stiffnesses, and would otherwise have too much damping ([`shares`]).
 
 use crate::contact::{
     Geometry, OfPieces, Pair, PairOfPieces, Patch, Touching, contact_of, thickness_of_pieces,
@@ -17,10 +18,10 @@ use crate::shape::Shape;
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// Round pieces that are one to this part press as one.
+/// Coincident part of round pieces above which they press as one.
 const ONE: f64 = 0.9;
 
-/// Has any pair of a stretch a piece?
+/// Does any pair of a stretch have a piece?
 pub(super) fn are_there(pairs: &[Pair], particles: &Particles) -> bool {
     particles.pieces() > 0 && pairs.iter().any(|&pair| has_piece(pair, particles))
 }
@@ -32,7 +33,7 @@ fn has_piece(Pair { a, b }: Pair, particles: &Particles) -> bool {
 /// Two bodies, or one and a wall ([`wall_or`]).
 type Bodies = (Slot, Slot);
 
-/// Rows of pairs with pieces, by their bodies: those of which there are several.
+/// Rows of pairs with pieces, by their bodies; only bodies with several rows.
 fn by_bodies(rows: impl Iterator<Item = (usize, Pair)>, particles: &Particles) -> Vec<Vec<usize>> {
     let mut all: BTreeMap<Bodies, Vec<usize>> = BTreeMap::new();
     for (row, pair) in rows.filter(|&(_, pair)| has_piece(pair, particles)) {
@@ -43,7 +44,7 @@ fn by_bodies(rows: impl Iterator<Item = (usize, Pair)>, particles: &Particles) -
     all.into_values().filter(|rows| rows.len() > 1).collect()
 }
 
-/// Lets what is one place have one contact.
+/// Merges the contacts of each place into one.
 pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
     let of_rows: Vec<Pair> = touching.pair.iter().map(|&pair| pairs[pair as usize]).collect();
     let rows = of_rows.iter().copied().enumerate();
@@ -52,7 +53,7 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
         rows.sort_unstable_by_key(|&row| touching.pair[row]);
         let is_on_plane =
             |pair: Pair| matches!(particles.bodies().shape_of(pair.b), Shape::HalfSpace(_));
-        // Planes of one wall are bodies of their own.
+        // Planes of one wall are separate bodies.
         let mut of_planes: BTreeMap<Slot, Vec<usize>> = BTreeMap::new();
         let (mut with_faces, mut others) = (Vec::new(), Vec::new());
         for row in rows {
@@ -77,7 +78,7 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
     }
 }
 
-/// Have both faces, or one has and the other is a plane or a surface with cells?
+/// Do both have faces, or does one have faces while the other is a plane or a surface with cells?
 fn have_faces(Pair { a, b }: Pair, particles: &Particles) -> bool {
     let bodies = particles.bodies();
     let [a, b] = [a, b].map(|slot| bodies.shape_of(slot));
@@ -89,12 +90,12 @@ fn have_faces(Pair { a, b }: Pair, particles: &Particles) -> bool {
         }
 }
 
-/// The slot of a body, or what stands for that of a wall, of which all facets are one.
+/// Slot of a body; for walls a common value for all facets of a wall.
 fn wall_or(slot: Slot, particles: &Particles) -> Slot {
     particles.wall_of(slot).map_or(slot, |wall| Slot(u32::MAX - wall as u32))
 }
 
-/// How far pieces of both bodies are one.
+/// Part to which the pieces of both bodies coincide.
 fn oneness(one: Pair, other: Pair, particles: &Particles) -> f64 {
     let of = |one: Slot, other: Slot| {
         let number = |slot: Slot| particles.library.piece(particles.shape[slot.index()]);
@@ -106,7 +107,7 @@ fn oneness(one: Pair, other: Pair, particles: &Particles) -> f64 {
     of(one.a, other.a) * of(one.b, other.b)
 }
 
-/// The contacts of pieces with faces of two bodies, in as many places as there are.
+/// Joins the contacts of two bodies by pieces with faces, for each place where they meet.
 fn put_together(
     rows: &[usize],
     touching: &mut Touching,
@@ -117,7 +118,7 @@ fn put_together(
     let bodies = particles.bodies();
     let of_rows: Vec<Pair> = rows.iter().map(|&row| of_rows[row]).collect();
     let is_on_mesh = matches!(bodies.shape_of(of_rows[0].b), Shape::TriangleMesh(_));
-    // On a wall of triangles each piece counts once, whatever its facets.
+    // On a wall of triangles each piece counts once, for any number of facets.
     let mut firsts: Vec<usize> = (0..rows.len()).collect();
     if is_on_mesh {
         firsts.dedup_by_key(|k| of_rows[*k].a);
@@ -147,7 +148,7 @@ fn put_together(
         stays[row] = false;
     }
     for OfPieces { pairs, thickness } in found {
-        // Several contacts of one piece with a surface go to as many of its rows.
+        // Several contacts of one piece with a surface take as many of its rows.
         let is_of = |&k: &usize| pairs.iter().any(|&of| posed_of(&firsts, k) == of);
         let Some(k) = (0..rows.len()).filter(is_of).find(|&k| !stays[rows[k]]) else { continue };
         let row = rows[k];
@@ -162,13 +163,14 @@ fn put_together(
     }
 }
 
-/// The number of the piece, by the first rows of pieces, to which a row belongs.
+/// Number of the piece of a row, given the first rows of pieces.
 fn posed_of(firsts: &[usize], row: usize) -> usize {
     firsts.partition_point(|&first| first <= row) - 1
 }
 
-/// Contacts of round pieces that are one press as one, nearly as the deepest: with `W_i = Σ_j δ_j⁸` over those that are one with contact `i`, the
-/// energy of a stiffness `k` is `½ k Σ_i δ_i⁸ W_i^(-3/4)`, and forces are its gradient. Of one it is `½ k δ²`, of two equally deep ones 1.19 of that.
+/// Lets contacts of coincident round pieces press as one, nearly like the deepest. With `W_i = Σ_j δ_j⁸` over those that
+/// coincide with contact `i`, the energy of a stiffness `k` is `½ k Σ_i δ_i⁸ W_i^(-3/4)`, and forces are its gradient. For
+/// one contact it is `½ k δ²`, for two equally deep ones 1.19 of that.
 fn share_depth(rows: &[usize], touching: &mut Touching, of_rows: &[Pair], particles: &Particles) {
     let count = rows.len();
     let deepest = rows.iter().map(|&row| touching.geometry[row].overlap).fold(0.0, f64::max);
@@ -193,8 +195,8 @@ fn share_depth(rows: &[usize], touching: &mut Touching, of_rows: &[Pair], partic
     }
 }
 
-/// How like a contact of two bodies is one of them that has ended, as the cosine between their normals; `None` if they are of others, or
-/// turned by half of a right angle.
+/// Cosine between the normals of a contact of two bodies and one that has ended; `None` if the bodies differ, or the
+/// normals by more than half a right angle.
 pub(super) fn likeness(
     (now, normal): (Pair, &Vec3),
     (before, last): (Pair, &Vec3),
@@ -205,8 +207,9 @@ pub(super) fn likeness(
     (is_of_both && likeness > FRAC_1_SQRT_2).then_some(likeness)
 }
 
-/// The part of the mass of its bodies that each contact of a stretch has, 1 of bodies that touch in one place: one over
-/// `Σ g_j min(1, δ_j / δ) max(0, n_j·n)²` over the contacts of both bodies, with the gains `g_j` of round ones. Nothing if there are no pieces.
+/// Share of the masses of its bodies for each contact of a stretch; 1 if the bodies touch in one place. It is one over
+/// `Σ g_j min(1, δ_j / δ) max(0, n_j·n)²` over the contacts of both bodies, with the gains `g_j` of round ones. Empty
+/// without pieces.
 pub(super) fn shares(
     (pairs, geometry, patches): (&[Pair], &[Geometry], &[Patch]),
     particles: &Particles,

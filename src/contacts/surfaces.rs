@@ -1,12 +1,15 @@
-//! Contacts with walls of triangles belong to the surface, not to its facets.
+//! Contacts with walls of triangles: they belong to the surface, not to its facets.
 //!
-//! Where a grain touches facets that have a corner in common, or are near each other, one with the next, with nearly the normal of the deepest contact, it touches
-//! one smooth surface: that contact counts. Facets that lie in each other, of one wall or of two, count once, and so do planes. Where a grain that is no sphere touches a face and an edge of that face with other normals, it has the edge in it, and the
-//! least overlap counts. Where a contact ends on one facet and one begins on another that has a corner in common with it, in
-//! the same step, the contact has gone over an edge: it takes along what is remembered.
+//! A particle may touch facets that have a common corner or are near each other, one after the next. If their normals
+//! nearly agree with that of the deepest contact, they are one smooth surface, and only the deepest contact counts.
+//! Coincident facets, of one wall or of two, count once, and so do coincident planes. A particle that is not a sphere may
+//! touch a face and an edge of that face with different normals. Then the edge is inside the particle, and only the least
+//! overlap counts. A contact may end on one facet while one begins on another with a common corner. Then it has passed an
+//! edge, and keeps its state.
 //!
-//! A grain with faces or a straight side has one contact with all facets that are one surface ([`crate::contact::thickness_on_surface`]), so that
-//! there is nothing to leave out. Its contact passes to any facet, if the normal turns by less than half of a right angle.
+//! A particle with faces or a straight side has one contact with all facets of a surface
+//! ([`crate::contact::thickness_on_surface`]), so none is left out. Its contact passes to any facet, if the normal turns by
+//! less than half a right angle.
 
 use crate::contact::{Geometry, Pair, Touching, touch_of_sphere};
 use crate::ids::{GlobalId, Slot};
@@ -33,21 +36,22 @@ impl<'a> OnMesh<'a> {
     }
 }
 
-/// The cosine of half of a right angle.
+/// Cosine of half a right angle.
 const HALF_OF_RIGHT: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// The cosine of an angle that is rounding.
+/// Cosine of an angle within rounding.
 const ALIKE: f64 = 1.0 - 1e-12;
 
-/// Has the grain of a pair faces or a straight side?
+/// Does the particle of a pair have faces or a straight side?
 fn is_extended(pair: Pair, particles: &Particles) -> bool {
     particles.bodies().shape_of(pair.a).kind().extended()[0] > 0
 }
 
-/// Of facets of one wall without a common corner only those with feet nearer than this are one surface, over the radius of the grain.
+/// Largest distance of the nearest points on facets of one surface, over the radius of the particle, for facets of one wall
+/// without a common corner.
 const NEAR: f64 = 0.5;
 
-/// Is any of these pairs with a mesh? Pairs with walls stand in stretches of their own.
+/// Is any of these pairs with a mesh? Pairs with walls are in separate stretches.
 pub(super) fn has_meshes(pairs: &[Pair], particles: &Particles) -> bool {
     !particles.near_facets.is_empty() && are_with_walls(pairs, particles)
 }
@@ -56,7 +60,7 @@ fn are_with_walls(pairs: &[Pair], particles: &Particles) -> bool {
     pairs.first().is_some_and(|pair| pair.b.index() >= particles.first_facet())
 }
 
-/// May any of these pairs be with planes that lie in each other?
+/// May any of these pairs be with coincident planes?
 pub(super) fn has_equal_planes(pairs: &[Pair], particles: &Particles) -> bool {
     particles.facets.any_parallel && are_with_walls(pairs, particles)
 }
@@ -66,7 +70,7 @@ struct OnWall<'a> {
     grain: Slot,
     row: usize,
     geometry: &'a Geometry,
-    /// Where it is nearest to the wall, from the centre of the grain [m].
+    /// Nearest point on the wall, from the centre of the particle [m].
     foot: Vec3,
     id: GlobalId,
     mesh: Option<OnMesh<'a>>,
@@ -89,13 +93,13 @@ impl<'a> OnWall<'a> {
         }
     }
 
-    /// The first that counts stands first.
+    /// Orders contacts by particle, then by decreasing overlap.
     fn order(&self, other: &Self) -> Ordering {
         let deeper = || other.geometry.overlap.total_cmp(&self.geometry.overlap);
         self.grain.0.cmp(&other.grain.0).then_with(deeper).then_with(|| self.id.cmp(&other.id))
     }
 
-    /// Does its facet lie in the plane of another, where its foot is?
+    /// Does its facet lie in the plane of another, at its nearest point?
     fn lies_in(&self, other: &Self, of: &Grain) -> bool {
         let normal = &other.geometry.normal;
         (self.foot - other.foot).dot(normal).abs() <= FLAT * of.radius
@@ -107,13 +111,13 @@ impl<'a> OnWall<'a> {
             })
     }
 
-    /// Is it on one surface with a deeper contact, for which one with the normal `counts` counts?
+    /// Does it lie on one surface with a deeper contact, which is represented by one with the normal `counts`?
     fn is_one_with(&self, deeper: &Self, counts: &Vec3, of: &Grain) -> bool {
         let normal = &self.geometry.normal;
         let apart = (self.foot - deeper.foot).norm();
         let on = self.mesh.as_ref().zip(deeper.mesh.as_ref());
         match on.filter(|(on, other)| on.wall == other.wall) {
-            // There, grains with faces or a straight side have one contact with each surface.
+            // On one wall, particles with faces or a straight side have one contact with each surface.
             Some(_) if of.is_extended => return false,
             Some((OnMesh { mesh, facet, .. }, other)) => {
                 let is_near = || mesh.adjoin(*facet, other.facet) || apart < NEAR * of.radius;
@@ -128,7 +132,7 @@ impl<'a> OnWall<'a> {
                 }
             }
         }
-        // An edge or a corner in a face of which it is none.
+        // An edge or a corner in a face to which it does not belong.
         on.is_some_and(|(on, other)| {
             !of.is_extended
                 && self.lies_in(deeper, of)
@@ -139,14 +143,14 @@ impl<'a> OnWall<'a> {
 }
 
 impl OnMesh<'_> {
-    /// Is its facet a face, and a place in it [m]?
+    /// Is its facet a face that contains a place [m]?
     fn is_on_face(&self, place: &Vec3, tolerance: f64, particles: &Particles) -> bool {
         let wall = &particles.walls[self.wall];
         let place = wall.frame().tr_mul(&(place - wall.point));
         self.mesh.is_on_face(self.facet, &place, tolerance)
     }
 
-    /// How near the normal of a contact of a grain is to that of one that has ended, as a cosine, if it may go on from it.
+    /// Cosine between the normals of a contact and an ended one of the same particle, if it may continue the ended one.
     pub(super) fn nearness(
         &self,
         (now, normal): (Pair, &Vec3),
@@ -161,13 +165,14 @@ impl OnMesh<'_> {
         let is_same = if is_extended(before, particles) {
             nearness > HALF_OF_RIGHT
         } else {
-            // A grain that comes through a period goes on with the image of its facet.
+            // A particle that crosses a period continues on the image of its facet.
             nearness > ALIKE || nearness > 0.0 && self.mesh.adjoin(self.facet, was.facet)
         };
         is_same.then_some(nearness)
     }
 
-    /// Has a grain the edge in it: is one of two facets a face, and the other an edge of it, felt from outside?
+    /// Is one of two facets a face, and the other an edge of it, touched from outside? Then the edge is inside the
+    /// particle.
     fn is_sharp_beside(&self, other: &Self, normals: [&Vec3; 2], particles: &Particles) -> bool {
         let frame = particles.walls[self.wall].frame();
         let faces = |on: &Self, normal: &Vec3| on.mesh.is_outside(on.facet, &-frame.tr_mul(normal));
@@ -178,7 +183,7 @@ impl OnMesh<'_> {
     }
 }
 
-/// A grain that touches walls.
+/// A particle that touches walls.
 struct Grain<'a> {
     centre: Vec3,
     radius: f64,
@@ -186,11 +191,12 @@ struct Grain<'a> {
     particles: &'a Particles,
 }
 
-/// Leaves out contacts of a grain with a facet that is one surface with another on which it lies deeper, with nearly the normal of what counts there, and of others than
-/// spheres with a face or an edge of it beside one on which they lie less deep, with another normal. Of equally deep ones that with the lower id stays.
+/// Leaves out contacts of a particle with facets on one surface with a deeper contact, if their normals nearly agree. For
+/// shapes other than spheres it also leaves out contacts with a face or its edge beside a less deep one with another
+/// normal. Of equally deep contacts the one with the lower id stays.
 pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
     let grain = |row: usize| pairs[touching.pair[row] as usize].a;
-    // Most often no grain touches two facets. What a grain has with walls stands together in the list.
+    // Usually no particle touches two facets. The contacts of a particle with walls are consecutive in the list.
     let is_next =
         |row: usize| touching.pair[row - 1] < touching.pair[row] && grain(row - 1) != grain(row);
     if (1..touching.len()).all(is_next) {
@@ -210,7 +216,7 @@ pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particl
     }
 }
 
-/// Leaves out of the contacts of one grain with walls, see [`merge`].
+/// Leaves out contacts of one particle with walls, see [`merge`].
 fn merge_of_one(of_one: &[OnWall], stays: &mut [bool], particles: &Particles) {
     let slot = of_one[0].grain;
     let kind = particles.bodies().shape_of(slot).kind();
@@ -220,7 +226,7 @@ fn merge_of_one(of_one: &[OnWall], stays: &mut [bool], particles: &Particles) {
         is_extended: kind.extended()[0] > 0,
         particles,
     };
-    // A plane has no border, and what lies in it adds nothing.
+    // A plane has no border, and coincident facets add nothing.
     let is_in_plane = |on: &OnWall| {
         let mut planes = of_one.iter().filter(|other| other.mesh.is_none());
         on.mesh.is_some() && planes.any(|plane| on.lies_in(plane, &grain))
@@ -229,7 +235,7 @@ fn merge_of_one(of_one: &[OnWall], stays: &mut [bool], particles: &Particles) {
         stays[on.row] = !is_in_plane(on);
     }
     let rest: Vec<&OnWall> = of_one.iter().filter(|on| stays[on.row]).collect();
-    // Of each the contact that counts for it.
+    // For each, the contact that counts in its place.
     let mut for_it: Vec<usize> = (0..rest.len()).collect();
     for k in 1..rest.len() {
         let is_one = |&other: &usize| {
@@ -245,7 +251,7 @@ fn merge_of_one(of_one: &[OnWall], stays: &mut [bool], particles: &Particles) {
     if kind == Kind::Sphere || grain.is_extended {
         return;
     }
-    // The least deep stand last.
+    // The least deep contacts come last.
     for (k, on) in rest.iter().enumerate() {
         let has_it_in = |other: &&OnWall| {
             let pair = on.mesh.as_ref().zip(other.mesh.as_ref());

@@ -6,7 +6,7 @@ use crate::ids::Rank;
 use crate::math::Vec3;
 use std::ops::Range;
 
-/// A box. What lies beyond an outer face of all boxes belongs to the rank inside it.
+/// A box. Points beyond an outer face of all boxes belong to the rank inside it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Subdomain {
     /// Lowest corner [m].
@@ -27,7 +27,7 @@ impl Subdomain {
     }
 }
 
-/// A part of the tree: one rank, or a cut with what lies on either side.
+/// A part of the tree: one rank, or a cut with its two sides.
 #[derive(Clone, Copy, Debug)]
 enum Node {
     Leaf(Rank),
@@ -37,29 +37,29 @@ enum Node {
 /// The tree of cuts.
 #[derive(Clone, Debug)]
 pub struct Cuts {
-    /// All that is cut.
+    /// The whole space.
     space: Subdomain,
     nodes: Vec<Node>,
     subdomains: Vec<Subdomain>,
 }
 
-/// A part of space with more than one rank, on its way to being cut.
+/// A part of space with more than one rank, still to be cut.
 struct Part {
     node: usize,
     ranks: Range<u32>,
     space: Subdomain,
 }
 
-/// How often a cut is halved: to 2⁻⁴⁰ of its side.
+/// Number of halvings of a cut: to 2⁻⁴⁰ of its side.
 const HALVINGS: usize = 40;
 
 impl Cuts {
-    /// Equal volumes, for a domain whose particles are still to come.
+    /// Cuts of equal volumes, for a domain whose particles are still to come.
     pub fn even(low: Vec3, high: Vec3, ranks: u32) -> Self {
         Self::build(low, high, ranks, |parts| parts.iter().map(even_cut).collect())
     }
 
-    /// Equal work: `work[i]` belongs to the particle at `positions[i]`. Collective.
+    /// Cuts of equal work: `work[i]` belongs to the particle at `positions[i]`. Collective.
     pub fn balanced(
         low: Vec3,
         high: Vec3,
@@ -76,7 +76,7 @@ impl Cuts {
         })
     }
 
-    /// Builds the tree generation by generation; `choose` gives axis and place of each part's cut.
+    /// Builds the tree level by level; `choose` returns axis and place of each part's cut.
     fn build(
         low: Vec3,
         high: Vec3,
@@ -115,17 +115,17 @@ impl Cuts {
         Self { space: Subdomain { low, high }, nodes, subdomains }
     }
 
-    /// All that is cut.
+    /// The whole space.
     pub const fn space(&self) -> Subdomain {
         self.space
     }
 
-    /// Moves all cuts with the sides of what is cut.
+    /// Moves all cuts with the sides of the space.
     pub fn stretch(&mut self, space: Subdomain) {
         let before = self.space;
         let times = (space.high - space.low).component_div(&(before.high - before.low));
         let moved = |axis: usize, at: f64| {
-            // Outer faces stay outer faces to the last bit.
+            // Outer faces must stay exact.
             match () {
                 () if at == before.low[axis] => space.low[axis],
                 () if at == before.high[axis] => space.high[axis],
@@ -146,7 +146,7 @@ impl Cuts {
         self.space = space;
     }
 
-    /// The rank that owns a point, wherever it lies.
+    /// Rank that owns a point, inside or outside.
     pub fn owner(&self, point: &Vec3) -> Rank {
         let mut node = 0;
         loop {
@@ -159,13 +159,13 @@ impl Cuts {
         }
     }
 
-    /// The box of a rank.
+    /// Box of a rank.
     pub fn subdomain(&self, rank: Rank) -> Subdomain {
         self.subdomains[rank.index()]
     }
 
-    /// The other ranks whose boxes come closer than `reach` to that of a rank [m], in rising order. If
-    /// one rank is near another, so is the other to the one. Descends the tree of cuts.
+    /// Other ranks whose boxes are closer than `reach` to that of a rank [m], in rising order. The relation is
+    /// symmetric. Descends the tree of cuts.
     pub fn ranks_near(&self, me: Rank, cell: &Cell, reach: f64) -> Vec<Rank> {
         let here = self.subdomain(me);
         let mut near = Vec::new();
@@ -174,7 +174,7 @@ impl Cuts {
             match self.nodes[node] {
                 Node::Leaf(rank) if rank == me => {}
                 Node::Leaf(rank) => {
-                    // Both sides ask the same question, so that rounding gives one answer.
+                    // Both sides compute the gap in one order, so that rounding is equal.
                     let (first, second) = if rank < me { (space, here) } else { (here, space) };
                     if first.gap(&second, cell) < reach {
                         near.push(rank);
@@ -197,15 +197,15 @@ impl Cuts {
     }
 }
 
-/// The particles of this rank, on their way into parts with one rank each.
+/// Particles of this rank while they are divided into parts with one rank each.
 struct Workload<'a> {
     positions: &'a [Vec3],
     work: &'a [i64],
-    /// The part that each particle is in; none once that has one rank.
+    /// Part of each particle; `None` once the part has one rank.
     part_of: Vec<Option<usize>>,
 }
 
-/// Where a part may be cut: a range of places along an axis [m].
+/// Range of places for the cut of a part along an axis [m].
 #[derive(Clone, Copy)]
 struct CutRange {
     axis: usize,
@@ -221,15 +221,15 @@ impl<'a> Workload<'a> {
         Self { positions, work, part_of }
     }
 
-    /// The particles in parts: part, position, work.
+    /// Particles in parts that are still to be cut: part, position, work.
     fn undivided(&self) -> impl Iterator<Item = (usize, &Vec3, i64)> {
         let particles = self.part_of.iter().zip(self.positions).zip(self.work);
         particles.filter_map(|((part, position), &work)| Some(((*part)?, position, work)))
     }
 
-    /// The extent of the particles in each part along its longest axis; an even cut for a part without work. Collective.
+    /// Extent of the particles in each part along its longest axis; an even cut for a part without work. Collective.
     fn ranges(&self, parts: &[Part], comm: &mut dyn Comm) -> Vec<CutRange> {
-        // The box of the particles in each part, as maxima of -low and high.
+        // Bounding box of the particles in each part, as maxima of -low and high.
         let mut extent = vec![f64::NEG_INFINITY; 6 * parts.len()];
         let mut total = vec![0i64; parts.len()];
         for (part, position, work) in self.undivided() {
@@ -281,7 +281,7 @@ impl<'a> Workload<'a> {
                 }
             }
         }
-        // A particle may be a little outside, a cut may not.
+        // A particle may be slightly outside, a cut may not.
         let inside = |(range, part): (CutRange, &Part)| {
             let CutRange { axis, highest, .. } = range;
             (axis, highest.max(part.space.low[axis]).min(part.space.high[axis]))
@@ -289,9 +289,9 @@ impl<'a> Workload<'a> {
         ranges.into_iter().zip(parts).map(inside).collect()
     }
 
-    /// Puts each particle into the side of its part's cut.
+    /// Assigns each particle to a side of its part's cut.
     fn divide(&mut self, parts: &[Part], chosen: &[(usize, f64)]) {
-        // Both sides of each cut, and what number they have among the parts to be cut next.
+        // Both sides of each cut, and their numbers among the parts to be cut next.
         let sides = parts.iter().flat_map(|part| halves(&part.ranks));
         let mut undivided = 0;
         let number: Vec<Option<usize>> = sides
@@ -309,20 +309,20 @@ impl<'a> Workload<'a> {
     }
 }
 
-/// Axis and place of the cut that gives both sides volume in proportion to their ranks.
+/// Axis and place of the cut that divides the volume in proportion to the ranks.
 fn even_cut(part: &Part) -> (usize, f64) {
     let side = part.space.high - part.space.low;
     let axis = side.imax();
     (axis, part.space.low[axis] + side[axis] * share_below(part))
 }
 
-/// The ranks below and above a part's cut.
+/// Ranks below and above a part's cut.
 fn halves(ranks: &Range<u32>) -> [Range<u32>; 2] {
     let middle = ranks.start + ranks.len() as u32 / 2;
     [ranks.start..middle, middle..ranks.end]
 }
 
-/// The share of a part's ranks that lie below its cut.
+/// Share of a part's ranks that lie below its cut.
 fn share_below(part: &Part) -> f64 {
     let ranks = part.ranks.len() as u32;
     f64::from(ranks / 2) / f64::from(ranks)

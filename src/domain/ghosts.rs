@@ -1,12 +1,12 @@
-//! The halo: copies of the particles that neighbours own and this rank's particles may touch.
+//! The halo: copies of the particles of neighbouring ranks that this rank's particles may touch.
 //!
-//! When the pairs are listed, each rank offers its neighbours all particles whose own reach comes as
-//! far as theirs can. Once the pairs are known, only those stay that are in one: both ranks list the
-//! same pairs, so each knows what the other keeps, without a message. A small particle is
-//! thus a ghost where a partner is, whatever the size of the largest.
+//! When the pairs are listed, each rank offers its neighbours all particles whose own reach comes as far
+//! as theirs can. Once the pairs are known, only ghosts in a pair are kept. Both ranks list the same
+//! pairs, so each knows the ghosts that the other keeps, without a message. A small particle is thus a
+//! ghost only near a partner, for any size of the largest particle.
 //!
-//! One message per neighbour and step, plain packed `f64`, sent before and received after the
-//! contacts among owned particles are resolved.
+//! One message per neighbour and step, plain packed `f64`, sent before and received after the contacts
+//! among owned particles are resolved.
 
 use super::{Domain, Neighbour};
 use crate::comm::{Comm, Parcel, Source, wire};
@@ -16,11 +16,11 @@ use crate::math::Vec3;
 use crate::particles::Particles;
 use serde::{Deserialize, Serialize};
 
-/// What makes ghosts.
+/// Data to make ghosts.
 #[derive(Default, Serialize, Deserialize)]
 struct Offers {
     names: Vec<(GlobalId, ShapeId, Standing)>,
-    /// As many, or none if all particles have the size of their shapes.
+    /// One for each, or empty if all particles have the size of their shapes.
     scale: Vec<f64>,
     position: Vec<Vec3>,
 }
@@ -41,20 +41,20 @@ impl Offers {
     }
 }
 
-/// A neighbour is offered what is farther away by so much, for the rounding of positions: what one
-/// rank lists, the other must see.
+/// Factor on the distance of offered particles, for the rounding of positions: the other rank must see
+/// what one rank lists.
 const LEEWAY: f64 = 1.0 + 1e-9;
 
 impl Domain {
-    /// Gets from the neighbours all particles that may be in a pair with an owned one, with their names,
-    /// shapes and places only. Collective. Before: owned particles only, each with the owner of its
-    /// place; after: ghosts, but no walls.
+    /// Receives from the neighbours all particles that may be in a pair with an owned one, with their
+    /// names, shapes and places only. Collective. Before: owned particles only, each with the owner of
+    /// its place. After: ghosts, but no walls.
     pub fn offer_ghosts(&mut self, particles: &mut Particles, comm: &mut dyn Comm) {
         let is_mine = |place: &Vec3| self.owner(place) == comm.rank();
         debug_assert!(particles.position[..particles.owned].iter().all(is_mine));
         let largest = particles.library.largest_radius();
         let near = self.cuts.ranks_near(comm.rank(), &particles.cell, self.halo * LEEWAY);
-        // A soft wall lets particles out a little, but their owner is inside.
+        // A particle may be slightly outside at a soft wall, but its owner is inside.
         let inside: Vec<Vec3> = particles.position[..particles.owned]
             .iter()
             .map(|p| self.clamped(p, &particles.cell))
@@ -88,8 +88,8 @@ impl Domain {
         self.offered = particles.ghosts;
     }
 
-    /// Drops the ghosts that are in none of `pairs`, gives the slots in these their new numbers, and
-    /// appends pieces and walls. Pairs are of bodies still, whatever their pieces.
+    /// Drops the ghosts that are in none of `pairs`, renumbers the slots in these, and appends pieces
+    /// and walls. Pairs are still of bodies, not of pieces.
     pub fn keep_paired_ghosts(&mut self, particles: &mut Particles, pairs: &mut [Pair]) {
         let owned = particles.owned;
         let ghosts = owned..particles.first_facet();
@@ -162,7 +162,7 @@ impl Domain {
         self.neighbours.iter().map(|n| Source { rank: n.rank, size: None }).collect()
     }
 
-    /// Begins to send the state of the owned particles that are ghosts elsewhere.
+    /// Starts to send the state of the owned particles that are ghosts elsewhere.
     pub fn start_halo(&mut self, particles: &Particles, comm: &mut dyn Comm) {
         let ghost_bytes = particles.needs.halo_values() * size_of::<f64>();
         let outgoing: Vec<_> = self
@@ -183,7 +183,7 @@ impl Domain {
         comm.start(outgoing, &sources);
     }
 
-    /// Waits for the neighbours' messages and brings the ghosts up to date.
+    /// Waits for the neighbours' messages and updates the ghosts.
     pub fn finish_halo(&mut self, particles: &mut Particles, comm: &mut dyn Comm) {
         let incoming = comm.finish();
         for (neighbour, parcel) in self.with_ghosts().zip(incoming) {

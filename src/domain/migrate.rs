@@ -1,5 +1,4 @@
-//! Particles change hands, with all that is remembered of their contacts. Only when the list of
-//! pairs is rebuilt.
+//! Migration of particles with the state of their contacts, when the list of pairs is rebuilt.
 
 use super::{Domain, Neighbour};
 use crate::comm::{Comm, Parcel, wire};
@@ -11,18 +10,18 @@ use crate::particles::records::Particle;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// What one rank gives to another.
+/// Data that one rank sends to another.
 #[derive(Default, Serialize, Deserialize)]
 struct Leaving {
     particles: Vec<Particle>,
-    /// Of their touching contacts.
+    /// Records of their touching contacts.
     records: ContactRecords,
 }
 
 impl Domain {
-    /// Hands every owned particle to the owner of its place, and drops those that are `taken` out. Returns the records of
-    /// all touching contacts of the particles that this rank now owns (some of them twice, and some with particles that are
-    /// gone). Collective. After it there are neither ghosts nor walls.
+    /// Sends every owned particle to the owner of its place, and drops those that are `taken` out. Returns the records of
+    /// all touching contacts of the particles that this rank now owns. Some records may occur twice, and some belong to
+    /// particles that are gone. Collective. Afterwards there are neither ghosts nor walls.
     pub fn migrate(
         &mut self,
         particles: &mut Particles,
@@ -31,7 +30,7 @@ impl Domain {
         comm: &mut dyn Comm,
     ) -> ContactRecords {
         let me = comm.rank();
-        // All records known here, under lasting names: slots are about to change.
+        // All records of this rank, with permanent names because slots are about to change.
         let mut records = ContactRecords::of(contacts.remembered());
         contacts.named(particles).for_each(|(_, named)| records.push(&named));
         particles.strip_to_owned();
@@ -75,7 +74,7 @@ impl Domain {
         records
     }
 
-    /// Sends particles to their new owners, as a rule to neighbours only; returns what comes here.
+    /// Sends particles to their new owners, usually neighbours only; returns the received ones.
     fn hand_over(&self, mut leaving: BTreeMap<Rank, Leaving>, comm: &mut dyn Comm) -> Vec<Parcel> {
         let is_near = |rank: &Rank| self.neighbours.iter().any(|n| n.rank == *rank);
         if !self.knows_neighbours || comm.any(!leaving.keys().all(is_near)) {

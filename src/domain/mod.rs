@@ -1,9 +1,8 @@
-//! Who owns what: a tree of cuts, ghosts of what neighbours own, and the hand-over of particles.
+//! Ownership of particles: a tree of cuts, ghosts of neighbours' particles, and migration.
 //!
-//! Space is cut in two again and again, each time across the longest side of what is in it and so
-//! that both halves get work in proportion to their ranks (recursive bisection; Berger and Bokhari
-//! 1987, DOI 10.1109/TC.1987.1676942). A packing fills from the bottom, and the cuts follow it.
-//! Which rank owns a particle never shows in the physics.
+//! Space is cut in two repeatedly, each time across the longest side of its content. Both halves get work in proportion
+//! to their ranks (recursive bisection; Berger and Bokhari 1987, DOI 10.1109/TC.1987.1676942). A packing fills from the
+//! bottom, and the cuts follow it. The owner of a particle never affects the physics.
 
 mod cuts;
 mod ghosts;
@@ -21,7 +20,8 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-/// How far beyond its subdomain a rank must see, for a skin and a distance over which contacts outlive their overlap [m].
+/// Distance beyond its subdomain that a rank must see, for a skin and a gap over which contacts outlive their overlap
+/// [m].
 pub fn halo_width(library: &Library, skin: f64, outlives: f64) -> f64 {
     2.0 * library.largest_radius() + skin + outlives
 }
@@ -30,59 +30,59 @@ pub fn halo_width(library: &Library, skin: f64, outlives: f64) -> f64 {
 #[derive(Clone, Debug)]
 struct Neighbour {
     rank: Rank,
-    /// Owned particles that it sees as ghosts, by slot.
+    /// Slots of owned particles that are ghosts there.
     sent: Vec<u32>,
-    /// Slots of the ghosts that it owns.
+    /// Slots of ghosts that it owns.
     received: Range<usize>,
 }
 
-/// A particle cannot be where it is.
+/// A particle at an invalid position.
 #[derive(Clone, Debug, thiserror::Error, Serialize, Deserialize)]
 pub enum DomainError {
-    /// It left the box.
+    /// It left the domain.
     #[error(
         "particle {id} has left the domain: it is at ({x:e}, {y:e}, {z:e}) m with velocity {speed:e} m/s"
     )]
     Outside {
-        /// Which particle.
+        /// Id of the particle.
         id: GlobalId,
-        /// Where it is [m].
+        /// Position along x [m].
         x: f64,
-        /// Where it is [m].
+        /// Position along y [m].
         y: f64,
-        /// Where it is [m].
+        /// Position along z [m].
         z: f64,
-        /// How fast [m/s].
+        /// Speed [m/s].
         speed: f64,
     },
-    /// Its state is not a number.
+    /// Its state is not finite.
     #[error(
         "particle {id} has a position or velocity that is not finite. The run has become unstable: \
          reduce the time step, or look for deep overlaps at the start"
     )]
     NotFinite {
-        /// Which particle.
+        /// Id of the particle.
         id: GlobalId,
     },
 }
 
-/// What communication has cost so far, on this rank.
+/// Communication so far, on this rank.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
-    /// Messages of the halo sent.
+    /// Halo messages sent.
     pub messages: u64,
     /// Their bytes.
     pub bytes: u64,
     /// Ghosts received, summed over steps.
     pub ghosts: u64,
-    /// Particles of others within the halo width, summed over steps: the least that a halo without
-    /// knowledge of the pairs would receive.
+    /// Particles of other ranks within the halo width, summed over steps: the least number of ghosts that a halo without
+    /// knowledge of the pairs would have.
     pub offered: u64,
     /// Particles owned, summed over the same steps.
     pub owned: u64,
     /// Lists of pairs rebuilt.
     pub rebuilds: u64,
-    /// How often the domain was cut again.
+    /// Number of times that the domain was cut again.
     pub recuts: u64,
     /// Particles handed to another rank.
     pub migrated: u64,
@@ -91,17 +91,17 @@ pub struct Traffic {
 /// The domain as one rank sees it.
 #[derive(Clone, Debug)]
 pub struct Domain {
-    /// A particle of the largest size is offered to every rank whose subdomain it comes this close to,
-    /// a smaller one by the difference of the radii closer [m].
+    /// Halo width [m]. A particle of the largest size is offered to every rank whose subdomain is within this distance;
+    /// for smaller ones the distance is less by the difference of the radii.
     halo: f64,
     cuts: Cuts,
-    /// The ranks within the halo width, in rising order.
+    /// Ranks within the halo width, in rising order.
     neighbours: Vec<Neighbour>,
     /// Do `neighbours` belong to these cuts? The same on all ranks.
     knows_neighbours: bool,
-    /// Particles of others within the halo width when the pairs were listed.
+    /// Particles of other ranks within the halo width when the pairs were listed.
     offered: usize,
-    /// What communication has cost.
+    /// Communication so far.
     pub traffic: Traffic,
 }
 
@@ -120,12 +120,12 @@ impl Domain {
         }
     }
 
-    /// So far apart may bodies be that see each other [m].
+    /// Largest distance of bodies that see each other [m].
     pub const fn halo(&self) -> f64 {
         self.halo
     }
 
-    /// Moves the cuts with the sides of a cell that a flow carries. After it particles must migrate.
+    /// Moves the cuts with the sides of a cell carried by a flow. Particles must migrate afterwards.
     pub fn follow(&mut self, cell: &Cell) {
         let (low, high) = cell.corners();
         let space = Subdomain { low, high };
@@ -136,29 +136,29 @@ impl Domain {
         }
     }
 
-    /// Another halo width [m]. Before the first list of pairs.
+    /// Sets another halo width [m], before the first list of pairs.
     pub fn widen(&mut self, halo: f64) {
         self.halo = halo;
     }
 
-    /// The rank that owns a point.
+    /// Rank that owns a point.
     pub fn owner(&self, point: &Vec3) -> Rank {
         self.cuts.owner(point)
     }
 
-    /// The nearest point of the space that is cut; along a periodic axis everything is inside.
+    /// Nearest point of the space that is cut; along a periodic axis every point is inside.
     fn clamped(&self, point: &Vec3, cell: &Cell) -> Vec3 {
         let Subdomain { low, high } = self.cuts.space();
         cell.clamped(point, &low, &high)
     }
 
-    /// The box of a rank [m].
+    /// Box of a rank [m].
     pub fn subdomain(&self, rank: Rank) -> Subdomain {
         self.cuts.subdomain(rank)
     }
 
-    /// Cuts again, so that every rank gets an equal share of the work; particles stay where they are
-    /// until they migrate. `work` is one number per owned particle. Collective.
+    /// Cuts again, so that every rank gets an equal share of the work. Particles stay where they are until they migrate.
+    /// `work` has one number per owned particle. Collective.
     pub fn recut(&mut self, particles: &Particles, work: &[i64], comm: &mut dyn Comm) {
         let (low, high) = room(&particles.walls, &particles.cell);
         self.cuts = Cuts::balanced(low, high, &particles.position[..particles.owned], work, comm);
@@ -169,7 +169,7 @@ impl Domain {
 
     /// Is an owned particle outside of the room between two corners?
     fn is_outside(particles: &Particles, slot: usize, (low, high): &Corners) -> bool {
-        // Walls give a little: a particle has left once its centre is outside by its own size.
+        // Walls yield a little: a particle has left once its centre is outside by its radius.
         let slack = particles.radius(slot);
         !particles.cell.has_within(&particles.position[slot], low, high, slack)
     }
@@ -180,7 +180,7 @@ impl Domain {
         (0..particles.owned).filter(move |&slot| Self::is_outside(particles, slot, &room))
     }
 
-    /// Looks at every owned particle but those that are `taken` out.
+    /// Checks every owned particle except those that are `taken` out.
     ///
     /// # Errors
     /// The first particle that has left the domain or is not finite.

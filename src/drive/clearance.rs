@@ -1,31 +1,32 @@
-//! How much room a wall that a drive moves has between the opposite side and far out of the domain.
+//! Room of a wall that a drive moves, between the opposite side and the outside of the domain.
 
 use crate::cell::Cell;
 use crate::population::Library;
 use crate::walls::{Across, Wall, ends};
 
-/// Where a wall can press on nothing.
+/// State of a wall that can press on no particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Astray {
-    /// So near to the opposite wall, or to the domain's side, that nothing fits between.
+    /// So near to the opposite wall, or to the domain's side, that no particle fits between.
     Closed {
-        /// How near [m].
+        /// Gap [m].
         gap: f64,
     },
-    /// A plane out of the domain by more than the domain's width.
+    /// Plane outside the domain by more than the domain's width.
     Open,
-    /// Triangles out of the domain, on whatever side.
+    /// Triangles outside the domain, on any side.
     Gone,
 }
 
 impl Astray {
-    /// `None` of a wall that is where it can press on the thinnest particle.
+    /// `None` for a wall that can press on the thinnest particle.
     pub(super) fn of(wall: &Wall, walls: &[Wall], cell: &Cell, library: &Library) -> Option<Self> {
         if wall.is_far_out_of(cell) {
             return Some(Self::Gone);
         }
         let domain @ (low, high) = cell.corners();
-        // Of a plane across an axis what is between it and what it faces; of others what they leave of the domain.
+        // For a plane across an axis, the gap to the opposite side; for others the part of the domain that they
+        // leave.
         let (gap, outside, width) = if let Some(Across { axis, inwards, place }) = wall.across() {
             let [lowest, highest] = ends(walls, axis);
             let (place, own, facing) = if inwards > 0.0 {

@@ -1,28 +1,29 @@
-//! How a servo or a cell keeps its target: its errors over steps, the course of a stage, swings.
+//! Errors of a servo or a cell against its target: over steps, over a stage, and swings about the target.
 
 use super::CHECK_EVERY;
 
-/// How a servo kept its target over steps on end; errors are (stress - target) / target, or the same of forces.
+/// Statistics of errors over consecutive steps. An error is (stress - target) / target, or the equivalent for
+/// forces.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Errors {
-    /// How many steps, a whole number.
+    /// Number of steps, a whole number.
     pub(super) steps: f64,
     /// Sum of the errors.
     sum: f64,
     /// Sum of their magnitudes.
     sizes: f64,
-    /// The largest magnitude.
+    /// Largest magnitude.
     pub(super) largest: f64,
 }
 
 impl Errors {
-    /// As a snapshot has them.
+    /// Values for a snapshot.
     pub(super) const fn numbers(&self) -> [f64; 4] {
         let Self { steps, sum, sizes, largest } = *self;
         [steps, sum, sizes, largest]
     }
 
-    /// From what a snapshot has.
+    /// Errors from the values of a snapshot.
     pub(super) const fn of(numbers: &[f64; 4]) -> Self {
         let [steps, sum, sizes, largest] = *numbers;
         Self { steps, sum, sizes, largest }
@@ -42,26 +43,27 @@ impl Errors {
         self.sizes / self.steps
     }
 
-    /// The error of the mean stress.
+    /// Error of the mean stress.
     pub(super) fn of_mean(&self) -> f64 {
         self.sum / self.steps
     }
 }
 
-/// The largest number of intervals of a stage with errors of their own.
+/// Largest number of intervals of a stage with separate errors.
 pub(super) const PARTS: usize = 40;
 
-/// The errors of a stage in equal parts, of which the last may still grow: when there are [`PARTS`], two become one.
+/// Errors of a stage in equal parts, the last of which may still grow. When there are [`PARTS`], each two are
+/// merged.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Course(Vec<Errors>);
 
 impl Course {
-    /// From the [`PARTS`] of a snapshot, of which those without steps are not there.
+    /// Course from the [`PARTS`] of a snapshot; parts without steps are dropped.
     pub(super) fn of(parts: &[[f64; 4]]) -> Self {
         Self(parts.iter().map(Errors::of).filter(|part| part.steps > 0.0).collect())
     }
 
-    /// As a snapshot has it.
+    /// Values for a snapshot.
     pub(super) fn numbers(&self) -> Vec<f64> {
         let mut parts: Vec<_> = self.0.iter().map(Errors::numbers).collect();
         parts.resize(PARTS, [0.0; 4]);
@@ -81,7 +83,7 @@ impl Course {
         parts.push(step);
     }
 
-    /// Over the last fifth of the stage so far, or a little more, as parts end.
+    /// Errors over the last fifth of the stage so far, rounded up to whole parts.
     pub(super) fn last_fifth(&self) -> Errors {
         let steps: f64 = self.0.iter().map(|part| part.steps).sum();
         let mut late = Errors::default();
@@ -95,18 +97,18 @@ impl Course {
     }
 }
 
-/// What a servo remembers of its errors in a stage.
+/// Errors of a servo in a stage.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Record {
     /// Since the stage began.
     pub(super) course: Course,
-    /// Since the last step that [`CHECK_EVERY`] divides.
+    /// Errors since the last multiple of [`CHECK_EVERY`] steps.
     pub(super) recent: Errors,
     swings: Swings,
 }
 
 impl Record {
-    /// Records the error of a step; true when it is time to warn of swings, once.
+    /// Records the error of a step; true once, when a warning of swings is due.
     pub(super) fn note(&mut self, step: u64, error: f64) -> bool {
         let now = Errors { steps: 1.0, sum: error, sizes: error.abs(), largest: error.abs() };
         self.course.add(now);
@@ -116,16 +118,16 @@ impl Record {
     }
 }
 
-/// Steps on end in which the stress must jump from one side of its target to the other, and jump no less,
-/// before a warning that the servo oscillates.
+/// Consecutive steps in which the stress must change sides of its target without smaller jumps, before a warning
+/// that the servo oscillates.
 pub(super) const SWINGS: u32 = 100;
-/// Smaller errors than this are no swings, over the target.
+/// Smallest error that counts as a swing, over the target.
 const QUIET: f64 = 1e-3;
 
-/// Looks whether the stress swings about its target.
+/// Detects swings of the stress about its target.
 #[derive(Clone, Copy, Debug, Default)]
 struct Swings {
-    /// What was missing at the last step, over the target.
+    /// Error at the last step, over the target.
     error: f64,
     count: u32,
     /// The error with which the swings began.
@@ -135,7 +137,7 @@ struct Swings {
 }
 
 impl Swings {
-    /// Records the error of a step; true when it is time to warn, once.
+    /// Records the error of a step; true once, when a warning is due.
     fn note(&mut self, error: f64) -> bool {
         let swings = error * self.error < 0.0 && error.abs() > QUIET;
         if !swings {

@@ -1,12 +1,14 @@
-//! Walls with a mass that their weight, a stated force and the grains move along a line: a lid on a bed, a piston, a tray on grains.
+//! Walls with a mass that their weight, a given force and the particles move along a line: a lid on a bed, a piston, a tray
+//! on particles.
 //!
-//! The way of the wall is found as that of grains is: `v(t + dt/2) = v(t - dt/2) + F(t) dt / m`, then `x(t + dt) = x(t) + v(t + dt/2) dt`,
-//! of second order in `dt`. `F` is the sum of the wall's weight, the stated force and the forces of all contacts on the wall, along the line;
-//! across it, and against turning, the wall is held. Contact forces are summed exactly: the same bits on any number of ranks. The
-//! sum of the last step and the velocity are saved in snapshots.
+//! The wall is integrated like the particles: `v(t + dt/2) = v(t - dt/2) + F(t) dt / m`, then
+//! `x(t + dt) = x(t) + v(t + dt/2) dt`, of second order in `dt`. `F` is the sum of the wall's weight, the given force and
+//! the forces of all contacts on the wall, along the line. Across the line, and against turning, the wall is held. Contact
+//! forces are summed exactly: the bits do not depend on the number of ranks. Snapshots hold the sum of the last step and
+//! the velocity.
 //!
-//! A light wall on many grains takes shorter steps than the grains do: it swings with `√(K/m)`, `K` being the stiffness of all its
-//! contacts together. Where `dt √(K/m)` comes over 1 the run warns, over 2 it stops.
+//! A light wall on many particles needs shorter steps than the particles do: it oscillates with `√(K/m)`, where `K` is the
+//! total stiffness of its contacts. If `dt √(K/m)` exceeds 1 the run warns, above 2 it stops.
 
 use super::clearance::Astray;
 use super::load::{self, Line};
@@ -21,19 +23,20 @@ use serde::{Deserialize, Serialize};
 /// A wall that moves freely along a line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FreeWall {
-    /// Its index.
+    /// Index of the wall.
     pub wall: usize,
-    /// The direction of the line, a unit vector.
+    /// Direction of the line, a unit vector.
     pub along: Vec3,
     /// Mass [kg].
     pub mass: f64,
-    /// Weight and stated force along the line [N].
+    /// Weight and given force along the line [N].
     pub load: f64,
 }
 
 impl FreeWall {
-    /// What it presses on the grains with where all of its load lies on them [Pa]; `None` if it does not press, or if its area is not known. Held
-    /// across its direction, it presses with its load over the cosine of the angle between that and its normal.
+    /// Stress on the particles under the whole load [Pa]; `None` if the wall does not press, or if its area is not known.
+    /// Because it is held across its direction, its normal force is the load over the cosine of the angle between direction
+    /// and normal.
     pub fn stress(&self, walls: &[Wall], cell: &Cell) -> Option<f64> {
         let Across { axis, inwards, .. } = walls[self.wall].across()?;
         let cosine = self.along[axis] * inwards;
@@ -42,35 +45,35 @@ impl FreeWall {
     }
 }
 
-/// A free wall, and what it goes on with from step to step.
+/// A free wall with its state.
 #[derive(Clone, Debug)]
 struct Running {
     free: FreeWall,
     /// Velocity along the line in the last step [m/s]; `None` before the first.
     speed: Option<f64>,
-    /// That of the scene, with which it begins [m/s].
+    /// Velocity along the line at the start, from the scene [m/s].
     first_speed: f64,
-    /// Velocity across the line, as the scene says [m/s].
+    /// Velocity across the line, from the scene [m/s].
     across: Vec3,
-    /// The force of this rank's contacts on the wall along the line, at the positions of now [N].
+    /// Force of this rank's contacts on the wall along the line, at the present positions [N].
     force: ExactSum,
-    /// Has it been warned of?
+    /// Has a warning been given?
     warned: bool,
 }
 
-// What a snapshot holds: a row for each free wall.
+// Columns in a snapshot: a row for each free wall.
 /// The wall's name in the scene.
 const WALL: StateColumn = StateColumn::new("wall", 1, "");
-/// [`Running::speed`]; not a number before the first step.
+/// [`Running::speed`]; NaN before the first step.
 const SPEED: StateColumn = StateColumn::new("speed", 1, "m/s");
 /// [`FreeWall::along`].
 const ALONG: StateColumn = StateColumn::new("along", 3, "");
-/// [`Running::force`] of all ranks, exactly.
+/// [`Running::force`] over all ranks, exactly.
 const FORCE: StateColumn = StateColumn::new("force", ExactSum::LIMBS, "2^(32 k - 1074) N");
 
-/// Over this `dt √(K/m)` the run warns.
+/// Value of `dt √(K/m)` above which the run warns.
 const COARSE: f64 = 1.0;
-/// From here on the wall's swinging grows.
+/// Value from which the oscillation of the wall grows.
 const UNSTABLE: f64 = 2.0;
 
 /// The free walls of a running simulation.
@@ -81,7 +84,7 @@ pub struct FreeWalls {
 }
 
 impl FreeWalls {
-    /// At the start, with the velocities that the walls of the scene have.
+    /// Free walls at the start, with the velocities of the scene's walls.
     pub fn new(all: Vec<FreeWall>, walls: &[Wall]) -> Self {
         let running = |free: FreeWall| {
             let velocity = walls[free.wall].velocity;
@@ -93,7 +96,7 @@ impl FreeWalls {
         Self { all: all.into_iter().map(running).collect(), warnings: Vec::new() }
     }
 
-    /// Of each wall its number among the free ones, and its direction.
+    /// Number of each wall among the free ones, and its direction.
     fn lines(&self, walls: usize) -> Vec<Option<Line>> {
         let mut lines = vec![None; walls];
         for (k, Running { free, .. }) in self.all.iter().enumerate() {
@@ -104,7 +107,8 @@ impl FreeWalls {
 }
 
 impl Running {
-    /// Looks whether a step of `dt` [s] can follow the wall of a name on contacts of this stiffness [N/m]. Returns a warning, once.
+    /// Checks that a step of `dt` [s] resolves the wall's oscillation on contacts of this stiffness [N/m]. Returns a
+    /// warning, once.
     fn check_step(
         &mut self,
         stiffness: f64,
@@ -130,21 +134,21 @@ impl Running {
         Ok((!is_known).then(|| format!("{said}, which is coarse: {better}")))
     }
 
-    /// Its speed along the line in the next step of `dt` [s], under the force of the grains [N].
+    /// Speed along the line in the next step of `dt` [s], under the force of the particles [N].
     fn speed_under(&self, force: f64, dt: f64) -> f64 {
-        // The velocity of the scene is that of the start, half a step before that of the first step.
+        // The scene's velocity is that of the start, half a step before that of the first step.
         let (speed, dt) = self.speed.map_or((self.first_speed, 0.5 * dt), |speed| (speed, dt));
         speed + dt * (self.free.load + force) / self.free.mass
     }
 
-    /// The velocity of the wall with its speed [m/s].
+    /// Velocity of the wall at its speed [m/s].
     fn velocity(&self) -> Vec3 {
         self.across + self.free.along * self.speed.unwrap_or(self.first_speed)
     }
 }
 
 impl Drive for FreeWalls {
-    /// The limbs of force and stiffness of each wall.
+    /// Limbs of force and stiffness of each wall.
     fn sums(&self, view: &View) -> Vec<i64> {
         let View { moment, particles, law, .. } = view;
         let lines = self.lines(particles.walls.len());
@@ -185,7 +189,7 @@ impl Drive for FreeWalls {
 }
 
 impl Observer for FreeWalls {
-    /// Takes note of the force of this rank's contacts on each wall along its line.
+    /// Records the force of this rank's contacts on each wall along its line.
     fn after_forces(&mut self, view: &View) {
         let lines = self.lines(view.particles.walls.len());
         let forces = load::along(self.all.len(), &lines, view);
@@ -204,11 +208,11 @@ impl Reporter for FreeWalls {
         std::mem::take(&mut self.warnings)
     }
 
-    /// A wall that nothing bears, and that does not stand by itself.
+    /// A wall that no particle supports, and that does not stand still by itself.
     fn under_way(&self, walls: &[Wall], wall_forces: &[Vec3]) -> Option<String> {
         let is_under_way = |free: &&FreeWall| {
             let velocity = walls[free.wall].velocity;
-            // Across its line it may slide.
+            // It may slide across its line.
             let stands =
                 free.load == 0.0 && velocity.dot(&free.along).abs() <= 1e-9 * velocity.norm();
             wall_forces[free.wall] == Vec3::zeros() && !stands
@@ -231,8 +235,8 @@ impl Reporter for FreeWalls {
         ]
     }
 
-    /// Walls go on as those of the same names did. A stage that begins may give one another velocity along its line, or another line, of
-    /// which it has what it had of the old one.
+    /// Restores the walls of the same names. A new stage may set another velocity along the line. If it sets another line,
+    /// the component of the old velocity along it is kept.
     fn resume(&mut self, restart: &Restart, walls: &mut [Wall]) -> Result<(), DriveError> {
         let saved = restart.saved;
         let (names, speeds) = (saved.texts(&WALL)?, saved.reals(&SPEED)?);

@@ -1,8 +1,9 @@
-//! What walls do and suffer: the work of each that moves on the grains, and of each that wears what was lost at it and the force on it,
-//! by its triangles if it has any.
+//! Sums of what happens at walls: the work of moving walls on the particles, and the losses and impulses at walls that
+//! wear, by triangle if they have any.
 //!
-//! Each rank sums what its own particles do, in a [`RoundedSum`] of each number and triangle: the same bits on any number of ranks and
-//! after a restart. What a contact does belongs to the triangle nearest to where it acts, in the axes of the wall.
+//! Each rank sums the contributions of its own particles, in a [`RoundedSum`] for each number and triangle. The bits do not
+//! depend on the number of ranks or on restarts. A contact counts for the triangle nearest to its point, in the axes of the
+//! wall.
 
 use super::{DriveError, Observer, Reporter, Restart, Row, SavedColumn, SavedState, View};
 use crate::comm::Comm;
@@ -13,47 +14,47 @@ use crate::particles::Particles;
 use crate::walls::Wall;
 use std::collections::HashMap;
 
-/// Names [`Ledger`] among the observers.
+/// Name of [`Ledger`] among the observers.
 const NAME: &str = "ledger";
-/// The wall of a row.
+/// Wall of a row.
 const WALL: StateColumn = StateColumn::new("wall", 1, "1");
-/// Its triangle; -1: the wall itself, for what belongs to none.
+/// Triangle of a row; -1 for the wall itself, for contacts near no triangle.
 const TRIANGLE: StateColumn = StateColumn::new("triangle", 1, "1");
-/// For how long has been summed.
+/// Time over which has been summed.
 const TIME: StateColumn = StateColumn::new("time", 1, "s");
 /// Work on the particles.
 const WORK: StateColumn = StateColumn::new("work", 1, "J");
-/// 1 of walls that wear: of others the next three are 0.
+/// 1 for walls that wear; for others the next three columns are 0.
 const WEARS: StateColumn = StateColumn::new("wears", 1, "1");
-/// What was lost there.
+/// Energy lost at the wall.
 const LOST: StateColumn = StateColumn::new("lost", 1, "J");
-/// The part of that which friction took.
+/// Part of the energy lost that friction took.
 const RUBBED: StateColumn = StateColumn::new("rubbed", 1, "J");
 /// Force of the particles times time, in the axes of the wall.
 const IMPULSE: StateColumn = StateColumn::new("impulse", 3, "N s");
-/// What tells its triangles from others; 0 of a wall that has none, or does not wear.
+/// Checksum of the wall's triangles; 0 for a wall that has none or does not wear.
 const SURFACE: StateColumn = StateColumn::new("surface", 1, "1");
-/// All of these numbers as they are summed: three words of each, the lowest first.
+/// All of these sums exactly: three words for each, the lowest first.
 const WORDS: StateColumn = StateColumn::new("words", NUMBERS * RoundedSum::WORDS, "2^-140");
 
-/// Of a row: work, what was lost, the part of friction, and an impulse.
+/// Numbers of a row: work, energy lost, its part by friction, and an impulse.
 const NUMBERS: usize = 6;
 type Entry = [RoundedSum; NUMBERS];
 
-/// What a wall has done so far.
+/// Sums of one wall.
 #[derive(Clone, Debug)]
 struct Account {
     name: String,
     works: bool,
     wears: bool,
-    /// Of its rows the first; after those of its triangles, if it wears, one of its own follows.
+    /// First of its rows; its own row follows those of its triangles, which it has if it wears.
     first: usize,
     triangles: usize,
     /// See [`SURFACE`].
     surface: u64,
     /// See [`TIME`].
     time: f64,
-    /// Work, what was lost and the part of friction, of all ranks at the last row of the history [J].
+    /// Work, energy lost and its part by friction, over all ranks at the last row of the history [J].
     totals: [f64; 3],
 }
 
@@ -66,15 +67,15 @@ impl Account {
         self.first..=self.own_row()
     }
 
-    /// The row of what a particle does in a point of the wall, seen from its centre [m].
+    /// Row for a contact of particle `a` at a point, given from the particle's centre [m].
     fn row_at(&self, a: usize, point: &Vec3, wall: &Wall, particles: &Particles) -> usize {
         let Some(mesh) = &wall.mesh else { return self.own_row() };
         let frame = wall.frame();
-        // On an image of a triangle, a grain is an image of one on the triangle.
+        // At a periodic image of a triangle, the particle is wrapped to the triangle itself.
         let mut place = particles.position[a] + point;
         particles.cell.wrap(&mut place, &mut Vec3::zeros(), &mut [0; 3]);
         let place = frame.tr_mul(&(place - wall.point));
-        // Contacts are a half of the overlap off the surface; corners of others may be farther.
+        // Contact points are half the overlap off the surface; at corners of other shapes they may be farther.
         let size = particles.inscribed_radius(a);
         let mut distances = [0.02 * size, 0.2 * size, particles.radius(a)].into_iter();
         let found = distances.find_map(|far| mesh.surface.nearest_triangle(&place, far));
@@ -82,22 +83,22 @@ impl Account {
     }
 }
 
-/// The sums of all walls that move, carry grains along or wear.
+/// Sums of all walls that move, carry particles along or wear.
 #[derive(Clone, Debug, Default)]
 pub struct Ledger {
     all: Vec<Account>,
-    /// The account of each wall.
+    /// Account of each wall.
     of_wall: Vec<Option<usize>>,
-    /// Of this rank's particles.
+    /// Sums over this rank's particles.
     rows: Vec<Entry>,
     warnings: Vec<String>,
 }
 
 impl Ledger {
-    /// Bytes of a triangle on each rank.
+    /// Bytes per triangle on each rank.
     pub const BYTES: usize = size_of::<Entry>();
 
-    /// Before the first step; `None` if there is nothing to sum.
+    /// Ledger before the first step; `None` if there is nothing to sum.
     pub fn new(walls: &[Wall]) -> Option<Self> {
         let mut new = Self::default();
         for wall in walls {
@@ -122,7 +123,7 @@ impl Ledger {
         (!new.all.is_empty()).then_some(new)
     }
 
-    /// The sums of all ranks. Collective.
+    /// Sums over all ranks. Collective.
     fn of_all_ranks(rows: &[Entry], comm: &mut dyn Comm) -> Vec<Entry> {
         let mut limbs: Vec<[i64; RoundedSum::LIMBS]> =
             rows.iter().flatten().map(RoundedSum::limbs).collect();
@@ -222,7 +223,8 @@ impl Reporter for Ledger {
         ]
     }
 
-    /// A new stage counts from 0. Sums of a wall that wears now and did not, or has other triangles, begin anew; its work does not.
+    /// A new stage counts from 0. The losses of a wall that did not wear before, or has other triangles, start again; its
+    /// work continues.
     fn resume(&mut self, restart: &Restart, _walls: &mut [Wall]) -> Result<(), DriveError> {
         let &Restart { saved, is_new_stage, is_root, .. } = restart;
         if is_new_stage {
@@ -281,23 +283,23 @@ fn begins(name: &str) -> String {
     )
 }
 
-/// What a triangle of a wall that wears has suffered.
+/// Sums of one triangle of a wall that wears.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Worn {
-    /// For how long [s].
+    /// Time over which has been summed [s].
     pub time: f64,
-    /// What was lost at it [J].
+    /// Energy lost at the triangle [J].
     pub lost: f64,
-    /// The part of that which friction took [J].
+    /// Part of it that friction took [J].
     pub rubbed: f64,
     /// Force of the particles times time, in the axes of the wall [N s].
     pub impulse: Vec3,
 }
 
-/// What drives have saved of triangles of walls that wear, by the name of the wall and the number of the triangle in it.
+/// Saved sums of the triangles of walls that wear, by the name of the wall and the number of the triangle.
 ///
 /// # Errors
-/// If another version has saved it.
+/// If another version has saved them.
 pub fn worn(drives: &[SavedState]) -> Result<HashMap<(&str, usize), Worn>, DriveError> {
     let Some(saved) = drives.iter().find(|saved| saved.drive == NAME) else {
         return Ok(HashMap::new());

@@ -1,27 +1,27 @@
-//! Lists that drives keep of particles that have come or gone at a moment, one by one ([`super::Observer::lists`]).
+//! Lists that drives keep of individual particles that have come or gone at a moment ([`super::Observer::lists`]).
 
 use crate::particles::records::Particle;
 
-/// The lists of a drive, with the particles of the last moment at which there were any.
+/// Lists of a drive, with the particles of the last moment that had any.
 #[derive(Clone, Debug, Default)]
 pub struct Lists {
-    /// By the places where particles pass: the name of the list, if the place keeps one, and its particles.
+    /// By place: the name of its list, if it keeps one, and its particles.
     of_place: Vec<(Option<String>, Vec<Particle>)>,
     step: u64,
 }
 
 impl Lists {
-    /// Of places in order, each with the name of its list if it keeps one.
+    /// Empty lists of places in order, each with a name if it keeps one.
     pub fn new(names: impl Iterator<Item = Option<String>>) -> Self {
         Self { of_place: names.map(|name| (name, Vec::new())).collect(), step: 0 }
     }
 
-    /// Their names.
+    /// Names of the lists.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.of_place.iter().filter_map(|(name, _)| name.as_deref())
     }
 
-    /// Notes particles that pass at a place, if that keeps a list. Particles of an earlier step that nobody took are dropped.
+    /// Records particles at a place, if it keeps a list. Particles of an earlier step that were not taken are dropped.
     pub fn note(&mut self, step: u64, place: usize, particles: &[Particle]) {
         if self.step != step {
             self.of_place.iter_mut().for_each(|(_, noted)| noted.clear());
@@ -32,7 +32,7 @@ impl Lists {
         }
     }
 
-    /// What each has, in the order in which it was noted.
+    /// Empties the lists and returns their particles, in the order in which they were recorded.
     pub fn take(&mut self) -> impl Iterator<Item = Vec<Particle>> {
         let lists = self.of_place.iter_mut().filter(|(name, _)| name.is_some());
         lists.map(|(_, noted)| std::mem::take(noted))
@@ -46,7 +46,7 @@ mod tests {
     use crate::math::Vec3;
     use crate::particles::records::Particle;
 
-    /// A simulation of which nobody writes lists does not keep all that has ever passed.
+    /// Lists that are never written do not keep all particles that have passed.
     #[test]
     fn what_nobody_asks_for_goes_with_the_next_step() {
         let grain = |id| Particle::at_rest(GlobalId(id), ShapeId(0), Vec3::zeros());

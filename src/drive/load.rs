@@ -1,15 +1,16 @@
-//! Loads of walls that drives move, from the contacts of this rank. They are summed exactly: the same bits on any number of ranks.
+//! Loads of walls that drives move, from the contacts of this rank. Exact sums: the bits do not depend on the number of
+//! ranks.
 
 use super::View;
 use crate::comm::Comm;
 use crate::contact::{Geometry, Pair};
 use crate::math::{ExactSum, Vec3};
 
-/// Of a wall the number of its sum, and the direction in which forces count, a unit vector.
+/// Number of a wall's sum, and the direction in which forces count, a unit vector.
 pub(super) type Line = (usize, Vec3);
 
-/// The contacts with walls: the number of the wall, bodies, geometry and normal force [N]. Known after a restart, too, before any force
-/// has been found.
+/// Contacts with walls: number of the wall, bodies, geometry and normal force [N]. Also known after a restart, before
+/// forces are found.
 pub(super) fn pressing<'a>(
     view: &View<'a>,
 ) -> impl Iterator<Item = (usize, Pair, &'a Geometry, f64)> {
@@ -22,14 +23,14 @@ pub(super) fn pressing<'a>(
     })
 }
 
-/// The contacts with walls, once forces have been found: the number of the wall, and the force on it [N].
+/// Contacts with walls, once forces are found: number of the wall, and force on it [N].
 pub(super) fn forces<'a>(view: &View<'a>) -> impl Iterator<Item = (usize, &'a Vec3)> {
     let &View { particles, contacts, .. } = view;
     let forces = contacts.forces_on_walls(particles);
     forces.filter_map(|(pair, force)| Some((particles.wall_of(pair.b)?, force)))
 }
 
-/// The sums, so many, of the forces on walls along their lines [N].
+/// Sums of the forces on walls along their lines [N], `count` of them.
 pub(super) fn along(count: usize, lines: &[Option<Line>], view: &View) -> Vec<ExactSum> {
     let mut sums = vec![ExactSum::default(); count];
     for (wall, force) in forces(view) {
@@ -42,7 +43,7 @@ pub(super) fn along(count: usize, lines: &[Option<Line>], view: &View) -> Vec<Ex
     sums
 }
 
-/// Sums of all ranks, with digits that are carried: equal sums have equal limbs. Collective.
+/// Sums over all ranks, with carried digits, so that equal sums have equal limbs. Collective.
 pub(super) fn of_all_ranks<'a>(
     sums: impl Iterator<Item = &'a ExactSum>,
     comm: &mut dyn Comm,

@@ -1,32 +1,33 @@
-//! What acts on the particles from outside: drives.
+//! Drives: influences on the particles from outside.
 //!
 //! Three traits share the work:
 //!
-//! * a [`Drive`] acts: it moves walls, inserts particles and takes them out, holds and pushes them;
-//! * an [`Observer`] looks on: at the forces of each step, at rows of the history, at particles that come and go;
+//! * a [`Drive`] acts: it moves walls, inserts and takes out particles, holds and pushes them;
+//! * an [`Observer`] reads: the forces of each step, rows of the history, particles that come and go;
 //! * a [`Reporter`] has a name, warnings, figures for the report, and a state in snapshots.
 //!
-//! Every drive is an observer, and every observer a reporter. A simulation holds a list of drives and a list of observers that act on
-//! nothing ([`ledger`]), and knows none of them by name. In each step every drive may, in the order of the list,
+//! Every drive is an observer, and every observer a reporter. A simulation holds a list of drives and a list of observers
+//! that are not drives ([`ledger`]), and knows none of them by name. In each step every drive may, in the order of the
+//! list,
 //!
 //! 1. ask for sums over all ranks, which are found while the particles move ([`Drive::sums`]);
-//! 2. hold particles on courses of their own while the others move ([`Drive::lead`], [`Drive::place`]);
+//! 2. hold particles on prescribed courses while the others move ([`Drive::lead`], [`Drive::place`]);
 //! 3. give walls their velocities and angular velocities, and the cell its rate ([`Drive::steer`]);
 //! 4. insert particles, before the list of pairs is made ([`Drive::insert`], [`Drive::admit`]);
-//! 5. take out particles that have left the domain or have reached where they leave ([`Drive::reaches`], [`Drive::take`]);
-//! 6. look at the forces, as observers that act on nothing do after it ([`Observer::after_forces`]);
+//! 5. take out particles that have left the domain or have reached an outlet ([`Drive::reaches`], [`Drive::take`]);
+//! 6. read the forces, followed by the observers that are not drives ([`Observer::after_forces`]);
 //! 7. push particles, and hold others, in the last half of the step ([`Drive::push`], [`Drive::settle`]).
 //!
-//! Drives are asked for 2 and 7 in scenes with [`groups`] alone ([`crate::particles::Needs::group`]).
+//! Drives are called for 2 and 7 only in scenes with [`groups`] ([`crate::particles::Needs::group`]).
 //!
-//! After the step a run writes down the particles that drives have listed ([`Observer::lists`]).
+//! After the step a run writes the particles that drives have listed ([`Observer::lists`]).
 //!
-//! The state of a drive is the same on all ranks, but for sums that are not yet added up. It is saved in snapshots under the
-//! drive's name ([`Reporter::save`], [`Reporter::resume`]).
+//! The state of a drive is the same on all ranks, except for sums that are not yet added up. It is saved in snapshots under
+//! the drive's name ([`Reporter::save`], [`Reporter::resume`]).
 //!
 //! # A drive of one's own
 //!
-//! This one is whole: it shakes a wall.
+//! This complete example shakes a wall.
 //!
 //! ```
 //! use dem_mpi::comm::alone::Alone;
@@ -129,10 +130,10 @@ use crate::walls::Wall;
 use lists::Lists;
 use serde::{Deserialize, Serialize};
 
-/// Steps between looks at a stage's `[stop]`. The errors of drives are means over so many steps.
+/// Steps between checks of a stage's `[stop]`. The errors of drives are means over this number of steps.
 pub const CHECK_EVERY: u64 = 100;
 
-/// Where a simulation stands when a drive acts.
+/// Time and step of a simulation when a drive acts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moment {
     /// Steps since the first stage began.
@@ -147,46 +148,46 @@ pub struct Moment {
     pub dt: f64,
 }
 
-/// Particles that appear: how many, and each by its number when it is asked for, so that no rank must hold all of them.
+/// New particles: their number, and a function that makes each by its index, so that no rank must hold all of them.
 pub struct Newcomers {
-    /// How many.
+    /// Number of particles.
     pub count: u64,
-    /// What makes each.
+    /// Makes each particle.
     pub make: Box<Maker>,
 }
 
-/// Makes the particle of a number from 0, with a shape of a library.
+/// Makes the particle with an index from 0, with a shape of a library.
 pub type Maker = dyn Fn(u64, &Library) -> Particle;
 
 impl Newcomers {
-    /// Those of a list.
+    /// The particles of a list.
     pub fn of(list: Vec<Particle>) -> Self {
         Self { count: list.len() as u64, make: Box::new(move |k, _| list[k as usize].clone()) }
     }
 }
 
-/// What drives and observers see of this rank's part of a simulation.
+/// This rank's part of a simulation, for drives and observers to read.
 #[derive(Clone, Copy)]
 pub struct View<'a> {
-    /// When.
+    /// Time and step.
     pub moment: Moment,
     /// Particles and walls.
     pub particles: &'a Particles,
-    /// What touches.
+    /// Contacts.
     pub contacts: &'a Contacts,
-    /// From geometry to force.
+    /// Force law.
     pub law: &'a dyn ForceLaw,
-    /// What forces did in the last step.
+    /// Sums of forces and losses of the last step.
     pub sums: &'a Sums,
 }
 
-/// By what drives steer walls, and the walls.
+/// Walls and cell for drives to steer, with the data they need.
 pub struct Steering<'a> {
-    /// When.
+    /// Time and step.
     pub moment: Moment,
-    /// What [`Drive::sums`] asked for, of all ranks.
+    /// Sums over all ranks that [`Drive::sums`] asked for.
     pub sums: &'a [i64],
-    /// The domain and its periods; the rate of the flow that carries it may be set.
+    /// The domain and its periods; a drive may set the rate of its flow.
     pub cell: &'a mut Cell,
     /// Shapes of the particles.
     pub library: &'a Library,
@@ -194,9 +195,9 @@ pub struct Steering<'a> {
     pub walls: &'a mut [Wall],
 }
 
-/// The particles on which a drive acts, and when.
+/// The particles on which a drive acts, and the time.
 pub struct Acting<'a> {
-    /// When. [`Moment::dt`] is 0 where forces were found at the start of a stage.
+    /// Time and step. [`Moment::dt`] is 0 where forces were found at the start of a stage.
     pub moment: Moment,
     /// Gravity and global damping.
     pub field: &'a Field,
@@ -204,39 +205,40 @@ pub struct Acting<'a> {
     pub particles: &'a mut Particles,
 }
 
-/// From where a drive takes particles out at a moment.
+/// Region from which a drive may take out particles at a moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Takes {
-    /// Nowhere, at no moment.
+    /// None.
     Nothing,
-    /// Out of the domain.
+    /// Outside the domain.
     Outside,
-    /// Also inside the domain, where it [reaches](Drive::reaches) them.
+    /// Outside, and inside the domain where it [reaches](Drive::reaches) them.
     Inside,
 }
 
-/// Acts on the particles from outside. By default a method does nothing.
+/// Acts on the particles from outside. Every method has a default that does nothing.
 pub trait Drive: Observer {
-    /// Numbers that are to be added up over all ranks while the particles move, as many on every rank. At the start of a
-    /// step: forces belong to the positions.
+    /// Numbers to add up over all ranks while the particles move, as many on every rank. Called at the start of a step,
+    /// when forces belong to the positions.
     fn sums(&self, _view: &View) -> Vec<i64> {
         Vec::new()
     }
 
-    /// Gives walls their velocities for the step that begins at this moment, and their angular velocities, if there are columns
-    /// for those ([`crate::particles::Needs::spin`]). All ranks must do the same. A wall has its place in `history.csv` if [`Wall::moves`] is
-    /// set.
+    /// Sets the velocities of walls for the step that begins at this moment, and their angular velocities, if those have
+    /// columns ([`crate::particles::Needs::spin`]). All ranks must do the same. `history.csv` has the position of a wall if
+    /// [`Wall::moves`] is set.
     ///
     /// # Errors
-    /// Why the run cannot go on.
+    /// If the run cannot go on; the text gives the reason.
     fn steer(&mut self, _steering: Steering) -> Result<(), DriveError> {
         Ok(())
     }
 
-    /// Acts before the first kick of a step: forces and velocities belong to the positions.
+    /// Acts before the first kick of a step, when forces and velocities belong to the positions.
     fn lead(&mut self, _acting: Acting) {}
 
-    /// Acts once particles have moved, and takes note of how far it moves some itself. The moment is that of the start of the step.
+    /// Acts once particles have moved, and records in `farthest` how far it moves particles itself. The moment is that of
+    /// the start of the step.
     fn place(&mut self, _acting: Acting, _farthest: &mut Farthest) {}
 
     /// Acts once forces are found, before the last kick of a step. It may add to forces and torques.
@@ -245,11 +247,11 @@ pub trait Drive: Observer {
     /// Acts after the last kick of a step.
     fn settle(&mut self, _acting: Acting) {}
 
-    /// Says to which group a particle belongs that appears, if to any.
+    /// Sets the group of a new particle, if it belongs to one.
     fn admit(&self, _newcomer: &mut Particle) {}
 
-    /// Particles that appear at this moment, the end of a step, and touch nothing, if any: the same on all ranks. Their ids count
-    /// from `first_id`. `particles` are at their new places. Collective.
+    /// New particles at this moment, the end of a step, if any. They touch nothing, and are the same on all ranks. Their
+    /// ids count from `first_id`. `particles` are at their new places. Collective.
     fn insert(
         &mut self,
         _moment: &Moment,
@@ -260,38 +262,39 @@ pub trait Drive: Observer {
         None
     }
 
-    /// From where it may take particles out at this moment. If no drive takes any, nothing looks in every step at whether a particle has
-    /// left the domain.
+    /// Region from which it may take out particles at this moment. If no drive takes any, particles are not checked for
+    /// leaving the domain in every step.
     fn takes(&self, _moment: &Moment) -> Takes {
         Takes::Nothing
     }
 
-    /// Has a particle inside the domain reached a place where it leaves at this moment? Asked when the drive takes particles
+    /// Has a particle inside the domain reached a place where it leaves at this moment? Called if the drive takes particles
     /// [inside](Takes::Inside).
     fn reaches(&self, _moment: &Moment, _position: &Vec3, _cell: &Cell) -> bool {
         false
     }
 
-    /// Takes a particle that has left the domain, or that it [reaches](Drive::reaches) at this moment, out of the simulation, or not; an
-    /// error if no drive does. Asked on all ranks, in the order of the ids; not asked of what a drive before it has taken. The velocity is
-    /// that of the positions, as if nothing touched the particle in the last half of the step; the force is that of the positions before.
+    /// Decides whether a particle that has left the domain, or that it [reaches](Drive::reaches), is taken out of the
+    /// simulation. A particle outside the domain that no drive takes stops the run with an error. Called on all ranks, in
+    /// the order of the ids, unless an earlier drive has taken the particle. The velocity belongs to the positions, as if
+    /// nothing touched the particle in the last half of the step. The force belongs to the positions of the step before.
     fn take(&mut self, _moment: &Moment, _leaver: &Particle, _particles: &Particles) -> bool {
         false
     }
 }
 
-/// Looks on, and changes nothing of the particles and walls. By default a method does nothing.
+/// Reads particles and walls without changing them. Every method has a default that does nothing.
 pub trait Observer: Reporter {
-    /// Looks at the forces at the end of a step, and at what walls did in it. The forces with which a stage begins come before its first
-    /// step, with a [`Moment::dt`] of 0: no time has passed. A run that goes on within a stage has none of those.
+    /// Reads the forces at the end of a step, and the work of walls in it. The first forces of a stage come before its
+    /// first step, with a [`Moment::dt`] of 0. A run that continues within a stage has no such call.
     fn after_forces(&mut self, _view: &View) {}
 
-    /// Looks at a row of `history.csv` before it is written, and may change its forces on walls to what was found since the row before.
-    /// Collective.
+    /// Reads a row of `history.csv` before it is written. It may replace its forces on walls by their means since the
+    /// previous row. Collective.
     fn row(&mut self, _row: &mut Row, _comm: &mut dyn Comm) {}
 
-    /// The lists that it keeps of particles that come or go, under names of no other observer. Each is a file of the run, `NAME.csv`
-    /// ([`crate::output::lists`]).
+    /// Its lists of particles that come or go, under names that no other observer uses. Each is a file of the run,
+    /// `NAME.csv` ([`crate::output::lists`]).
     fn lists(&mut self) -> Option<&mut Lists> {
         None
     }
@@ -300,60 +303,61 @@ pub trait Observer: Reporter {
 /// A row of `history.csv`, as observers see it.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// The force of the particles on each wall [N], of its moment.
+    /// Force of the particles on each wall at its moment [N].
     pub wall_forces: Vec<Vec3>,
     /// The largest speed of a particle [m/s].
     pub fastest: f64,
     /// Time step [s].
     pub dt: f64,
-    /// Is it on schedule? Only then does it count as one before.
+    /// Is the row on schedule? Only then does it count as the previous row of a later one.
     pub scheduled: bool,
 }
 
-/// Has a name, and what the user, the report and snapshots have of it. By default nothing.
+/// Has a name, warnings, report figures and a state in snapshots. Every other method has an empty default.
 pub trait Reporter: Send + Sync {
-    /// Names it among the drives and observers of a simulation, and the group of snapshots that holds its state.
+    /// Name among the drives and observers of a simulation, and of the snapshot group with its state.
     fn name(&self) -> &str;
 
-    /// What it has counted in this stage, the same on all ranks: names of columns of `history.csv`, always the same ones, and
-    /// numbers.
+    /// Counts in this stage, the same on all ranks: names of columns of `history.csv`, always the same ones, and numbers.
     fn counted(&self) -> Vec<(String, f64)> {
         Vec::new()
     }
 
-    /// What the user should know now, once; the same on all ranks.
+    /// Warnings for the user, each returned once; the same on all ranks.
     fn warnings(&mut self) -> Vec<String> {
         Vec::new()
     }
 
-    /// How far it has come in this stage.
+    /// Progress in this stage.
     fn standing(&self) -> Standing {
         Standing::default()
     }
 
-    /// The wall that it will move whatever the grains do, in a sentence; `None` if there is none. `wall_forces` are those of the grains on each
-    /// wall at this moment [N], of all ranks.
+    /// A sentence that names the wall which it will move whatever the particles do; `None` if there is none. `wall_forces`
+    /// are the forces of the particles on each wall at this moment, over all ranks [N].
     fn under_way(&self, _walls: &[Wall], _wall_forces: &[Vec3]) -> Option<String> {
         None
     }
 
-    /// Sizes of the particles of a shape that it has taken out in this stage, in parts; nothing if the shape has no law of sizes.
+    /// Sizes of the particles of a shape that it has taken out in this stage, in parts; empty if the shape has no law of
+    /// sizes.
     fn sizes_left(&self, _shape: ShapeId) -> Vec<&Census> {
         Vec::new()
     }
 
-    /// What there is to report of it at the end of a run. If the stage `has_stopped` because its `[stop]` holds, it is no fault that
-    /// something is unfinished.
+    /// Results for the report at the end of a run. If the stage `has_stopped` by its `[stop]`, unfinished work is not a
+    /// warning.
     fn outcome(&self, _walls: &[Wall], _has_stopped: bool) -> Outcome {
         Outcome::default()
     }
 
-    /// Its state as columns of equal numbers of rows, the same on all ranks. Collective.
+    /// State as columns of equal numbers of rows, the same on all ranks. Collective.
     fn save(&self, _walls: &[Wall], _comm: &mut dyn Comm) -> Vec<SavedColumn> {
         Vec::new()
     }
 
-    /// Goes on from what it has saved, and gives walls the velocities that they had. In a new stage only what outlives a stage counts.
+    /// Continues from its saved state, and restores the velocities of walls. In a new stage only the state that outlives a
+    /// stage counts.
     ///
     /// # Errors
     /// If the state is not one that it could have saved.
@@ -361,7 +365,7 @@ pub trait Reporter: Send + Sync {
         Ok(())
     }
 
-    /// May it act in a stage that goes on from a snapshot without its state?
+    /// Checks that it may act in a stage that continues from a snapshot without its state.
     ///
     /// # Errors
     /// If it would have had to act before.
@@ -370,7 +374,7 @@ pub trait Reporter: Send + Sync {
     }
 }
 
-/// All that looks on: drives, and after them observers that act on nothing.
+/// All observers: drives first, then those that are not drives.
 pub fn all_observers<'a>(
     drives: &'a mut [Box<dyn Drive>],
     observers: &'a mut [Box<dyn Observer>],
@@ -379,41 +383,41 @@ pub fn all_observers<'a>(
     of_drives.chain(observers.iter_mut().map(|observer| -> &mut dyn Observer { &mut **observer }))
 }
 
-/// How far a drive has come in a stage.
+/// Progress of a drive in a stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Standing {
-    /// What it has still to do before the stage may end; `None` if nothing.
+    /// Work left before the stage may end; `None` if none.
     pub unfinished: Option<&'static str>,
-    /// How far off its target it was, over the target, in the mean of the last [`CHECK_EVERY`] steps. With it the key by
-    /// which `[stop]` sets a limit. `None` if it keeps no target.
+    /// Key by which `[stop]` limits its error, and the error: distance from the target over the target, in the mean of the
+    /// last [`CHECK_EVERY`] steps. `None` if it has no target.
     pub error: Option<(&'static str, f64)>,
-    /// How many particles it has taken out.
+    /// Number of particles taken out.
     pub gone: u64,
 }
 
-/// What there is to report of a drive at the end of a run.
+/// Results of a drive for the report at the end of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// How it has kept its targets.
+    /// Targets and achieved values.
     pub kept: Vec<Kept>,
-    /// What the user should know, a sentence each.
+    /// Warnings, a sentence each.
     pub warnings: Vec<String>,
 }
 
-/// How a target was kept over the last fifth of the stage.
+/// Target and achieved value over the last fifth of the stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Kept {
-    /// What kept it, in a word.
+    /// Name of the drive, in one word.
     pub drive: String,
-    /// On what: the names of walls.
+    /// Names of the walls.
     pub of: String,
-    /// The unit of `target` and `mean`.
+    /// Unit of `target` and `mean`.
     pub unit: &'static str,
-    /// What was to be kept.
+    /// Target value.
     pub target: f64,
-    /// What was, in the mean over these steps.
+    /// Mean value over these steps.
     pub mean: f64,
-    /// How many steps.
+    /// Number of steps.
     pub steps: u64,
     /// Mean distance from the target, over the target.
     pub mean_error: f64,
@@ -421,7 +425,7 @@ pub struct Kept {
     pub largest_error: f64,
 }
 
-/// A drive cannot go on. Known on all ranks.
+/// Reason why a drive cannot go on; known on all ranks.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 #[error("{0}")]
 pub struct DriveError(pub String);

@@ -1,8 +1,8 @@
-//! Outlets: regions in which grains leave the simulation.
+//! Outlets: regions in which particles leave the simulation.
 //!
-//! A grain is gone once its centre is in the region, at the next look, `every` so many steps. What its contacts knew goes with
-//! it; what it had of energy is booked ([`crate::measure::Departed`]), so that the balance still closes. Counts and masses are
-//! summed in the order of the ids: the same on any number of ranks.
+//! A particle leaves when its centre is in the region at a check, `every` so many steps. The state of its contacts is
+//! dropped. Its energy is recorded ([`crate::measure::Departed`]), so that the balance still closes. Counts and masses are
+//! summed in the order of the ids, so they do not depend on the number of ranks.
 
 use super::lists::Lists;
 use super::region::Region;
@@ -23,35 +23,35 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
-/// Where grains leave.
+/// Region in which particles leave.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outlet {
     /// Its name in the scene.
     pub name: String,
-    /// Where.
+    /// Region of the centres of leaving particles.
     pub region: Region,
-    /// Steps between looks.
+    /// Steps between checks.
     pub every: u64,
-    /// Does it keep a list of its grains?
+    /// Does it keep a list of its particles?
     pub list: bool,
 }
 
 impl Outlet {
-    /// Does it look at this moment?
+    /// Does it check at this moment?
     const fn is_due(&self, moment: &Moment) -> bool {
         moment.stage_step.is_multiple_of(self.every)
     }
 }
 
-/// An outlet, and what has left through it in this stage.
+/// An outlet with its counts in this stage.
 #[derive(Clone, Debug)]
 struct Running {
     outlet: Outlet,
-    /// How many grains.
+    /// Number of particles.
     count: u64,
     /// Their mass [kg].
     mass: f64,
-    /// Has it warned that grains may pass it unseen?
+    /// Has a warning been given that particles may pass it undetected?
     warned: bool,
 }
 
@@ -61,17 +61,17 @@ pub struct Outlets {
     all: Vec<Running>,
     warnings: Vec<String>,
     lists: Lists,
-    /// Of each shape with a law of sizes that has left: its name, and its sizes by outlets.
+    /// By shape with a law of sizes: its name, and the sizes of its particles that have left by outlet.
     sizes: BTreeMap<ShapeId, (String, Vec<Census>)>,
 }
 
-// What a snapshot holds: a row for each outlet.
+// Columns in a snapshot: a row for each outlet.
 const NAMES: StateColumn = StateColumn::new("name", 1, "1");
 const COUNT: StateColumn = StateColumn::new("left", 1, "1");
 const MASS: StateColumn = StateColumn::new("left_mass", 1, "kg");
 
 impl Outlets {
-    /// Before anything has left.
+    /// Outlets before any particle has left.
     pub fn new(outlets: Vec<Outlet>) -> Self {
         let list = |Outlet { name, list, .. }: &Outlet| list.then(|| format!("left_{name}"));
         let lists = Lists::new(outlets.iter().map(list));
@@ -80,7 +80,7 @@ impl Outlets {
         Self { all, warnings: Vec::new(), lists, sizes: BTreeMap::new() }
     }
 
-    /// The sizes of a shape by outlets; `None` if it has no law of sizes.
+    /// Sizes of a shape by outlet; `None` if it has no law of sizes.
     fn sizes_of(&mut self, shape: ShapeId, library: &Library) -> Option<&mut Vec<Census>> {
         let (_, sizes) = match self.sizes.entry(shape) {
             Entry::Occupied(known) => known.into_mut(),
@@ -92,7 +92,7 @@ impl Outlets {
         Some(sizes)
     }
 
-    /// The columns of the limits and the sums of the [`Census`] of a shape.
+    /// Columns of the limits and the sums of the [`Census`] of a shape.
     fn sizes_columns(shape: &str) -> [StateColumn; 2] {
         let named = |column, kind: &str| StateColumn {
             name: format!("left_{kind}_of_{shape}").into(),
@@ -118,8 +118,8 @@ impl Drive for Outlets {
         self.all.iter().any(takes)
     }
 
-    /// Of several that look at this moment the first one in the scene. What has left the domain cannot wait: the first one that
-    /// holds it takes it.
+    /// If several outlets check at this moment, the first one in the scene takes the particle. A particle outside the
+    /// domain cannot wait: without a check, the first outlet that holds it takes it.
     fn take(&mut self, moment: &Moment, leaver: &Particle, particles: &Particles) -> bool {
         let Particles { cell, library, .. } = particles;
         let holds = |running: &Running| running.outlet.region.holds(&leaver.position, cell);
@@ -137,7 +137,7 @@ impl Drive for Outlets {
 }
 
 impl Observer for Outlets {
-    /// Grains that go through a region between two looks are not seen.
+    /// Warns if particles can cross a region between two checks.
     fn row(&mut self, row: &mut Row, _comm: &mut dyn Comm) {
         let Row { fastest, dt, .. } = *row;
         for Running { outlet, warned, .. } in &mut self.all {
@@ -219,7 +219,7 @@ impl Reporter for Outlets {
         for shape in (0..library.particle_shapes).map(|shape| ShapeId(shape as u16)) {
             let name = &library.names[shape.index()];
             let [limits, sums] = Self::sizes_columns(name);
-            // They are not there if none of the shape had left.
+            // These columns are absent if no particle of the shape had left.
             let (Ok(limits), Ok(sums)) = (saved.reals(&limits), saved.integers(&sums)) else {
                 continue;
             };

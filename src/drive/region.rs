@@ -1,4 +1,4 @@
-//! Regions of space in which grains come or go.
+//! Regions of space in which particles come or go.
 
 use crate::cell::Cell;
 use crate::math::Vec3;
@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 /// A part of space.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Region {
-    /// All that is behind a plane.
+    /// Half space behind a plane.
     Behind {
         /// A point of the plane [m].
         point: Vec3,
-        /// Unit normal, towards the grains.
+        /// Unit normal, towards the particles.
         normal: Vec3,
     },
     /// A box; as an inlet it may be flat.
@@ -24,15 +24,15 @@ pub enum Region {
     },
     /// A cylinder.
     Cylinder {
-        /// The middles of its two ends [m].
+        /// Centres of its two ends [m].
         axis: [Vec3; 2],
-        /// [m].
+        /// Radius [m].
         radius: f64,
     },
 }
 
 impl Region {
-    /// Is a place in it, or the nearest of its periodic images?
+    /// Is a place in the region, or the nearest of its periodic images?
     pub fn holds(&self, position: &Vec3, cell: &Cell) -> bool {
         match self {
             Self::Behind { point, normal } => normal.dot(&(position - point)) < 0.0,
@@ -50,7 +50,8 @@ impl Region {
         }
     }
 
-    /// How far a place, or the nearest of its periodic images, is outside [m]; inside negative, how far it is from the border.
+    /// Distance of a place, or of the nearest of its periodic images, to the region [m]; inside, minus the distance to the
+    /// border.
     pub fn distance(&self, position: &Vec3, cell: &Cell) -> f64 {
         // Outside the ends and outside the side, each where positive.
         let of_parts = |beyond: Vec3| beyond.max().min(0.0) + beyond.sup(&Vec3::zeros()).norm();
@@ -71,21 +72,21 @@ impl Region {
         }
     }
 
-    /// The corners of the box around it [m]; `None` if it has no end.
+    /// Corners of the bounding box [m]; `None` if the region is unbounded.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         match self {
             Self::Behind { .. } => None,
             Self::Box { low, high } => Some((*low, *high)),
             Self::Cylinder { axis: [from, to], radius } => {
                 let along = (to - from).normalize();
-                // How far a disk across the axis reaches.
+                // Extent of a disk across the axis.
                 let reach = along.map(|part| radius * (1.0 - part * part).max(0.0).sqrt());
                 Some((from.inf(to) - reach, from.sup(to) + reach))
             }
         }
     }
 
-    /// Its shortest extent [m]; infinite if it has no end.
+    /// Shortest extent [m]; infinite if the region is unbounded.
     pub fn thickness(&self) -> f64 {
         match self {
             Self::Behind { .. } => f64::INFINITY,
@@ -94,7 +95,7 @@ impl Region {
         }
     }
 
-    /// A place in it, any as likely as any other; `None` if it has no end.
+    /// Random place in the region, uniformly distributed; `None` if the region is unbounded.
     pub fn draw(&self, random: &mut Random) -> Option<Vec3> {
         match self {
             Self::Behind { .. } => None,
@@ -116,7 +117,7 @@ impl Region {
         }
     }
 
-    /// In words, for `--plan`.
+    /// Description for `--plan`.
     pub fn words(&self) -> String {
         let list = |v: &Vec3| format!("[{:?}, {:?}, {:?}]", v.x, v.y, v.z);
         match self {
@@ -142,7 +143,7 @@ mod tests {
     use crate::math::Vec3;
     use crate::random::Random;
 
-    /// Places that are drawn are in the region and fill it evenly: means and variances along the axis and across, five
+    /// Drawn places are in the region and fill it evenly: means and variances along the axis and across, within five
     /// standard errors.
     #[test]
     fn places_fill_a_cylinder() {
@@ -167,8 +168,8 @@ mod tests {
         assert!((square / count as f64 / 0.01 - 0.5).abs() < error * 0.29);
     }
 
-    /// The nearest of many places on the border is as far away as the distance says, up to the mesh of these places; what is held is
-    /// inside.
+    /// The nearest of many places on the border is as far away as the distance, up to the mesh of these places. Places that
+    /// the region holds have a negative distance.
     #[test]
     fn distances_are_those_to_the_border() {
         const MESH: u32 = 120;

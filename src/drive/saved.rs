@@ -6,7 +6,7 @@ use crate::math::ExactSum;
 use crate::population::Library;
 use serde::{Deserialize, Serialize};
 
-/// The state of a drive in a snapshot.
+/// State of a drive in a snapshot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SavedState {
     /// The drive's name.
@@ -15,7 +15,7 @@ pub struct SavedState {
     pub columns: Vec<SavedColumn>,
 }
 
-/// What a drive goes on from.
+/// Data from which a drive continues.
 #[derive(Clone, Copy)]
 pub struct Restart<'a> {
     /// Its state in the snapshot.
@@ -29,7 +29,7 @@ pub struct Restart<'a> {
 }
 
 impl Restart<'_> {
-    /// This rank's part of a sum of all ranks that was saved by its limbs.
+    /// This rank's part of a sum over all ranks, saved by its limbs: rank 0 has all of it.
     pub fn sum(&self, limbs: &[i64]) -> ExactSum {
         if self.is_root { ExactSum::from_limbs(limbs) } else { ExactSum::default() }
     }
@@ -38,13 +38,13 @@ impl Restart<'_> {
 /// A column of a [`SavedState`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SavedColumn {
-    /// Name, unit, and how many numbers a row has; texts have one.
+    /// Name and unit, and numbers per row; texts have one.
     pub column: StateColumn,
-    /// Row by row.
+    /// Values, row by row.
     pub values: Values,
 }
 
-/// What a column of a [`SavedState`] holds.
+/// Values of a column of a [`SavedState`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Values {
     /// Texts.
@@ -58,7 +58,7 @@ pub enum Values {
 }
 
 impl Values {
-    /// How many numbers or texts there are.
+    /// Number of numbers or texts.
     pub fn len(&self) -> usize {
         match self {
             Self::Texts(values) => values.len(),
@@ -68,7 +68,7 @@ impl Values {
         }
     }
 
-    /// As a list in words.
+    /// Values as a list in text form.
     pub fn words(&self) -> String {
         match self {
             Self::Texts(values) => format!("{values:?}"),
@@ -78,7 +78,7 @@ impl Values {
         }
     }
 
-    /// What they take in a file, where all texts are as long as the longest [bytes].
+    /// Size in a file, where all texts are as long as the longest [bytes].
     pub fn bytes(&self) -> usize {
         let element = match self {
             Self::Texts(values) => values.iter().map(String::len).max().unwrap_or(0),
@@ -87,7 +87,7 @@ impl Values {
         self.len() * element
     }
 
-    /// Is there nothing in it?
+    /// Is the column empty?
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -99,27 +99,27 @@ impl SavedColumn {
         Self { column, values }
     }
 
-    /// One of texts.
+    /// A column of texts.
     pub fn texts(column: StateColumn, rows: impl Iterator<Item = String>) -> Self {
         Self::new(column, Values::Texts(rows.collect()))
     }
 
-    /// One of real numbers.
+    /// A column of real numbers.
     pub fn reals(column: StateColumn, rows: impl Iterator<Item = f64>) -> Self {
         Self::new(column, Values::Reals(rows.collect()))
     }
 
-    /// One of integers.
+    /// A column of integers.
     pub fn integers(column: StateColumn, rows: impl Iterator<Item = i64>) -> Self {
         Self::new(column, Values::Integers(rows.collect()))
     }
 
-    /// One of integers that are never negative.
+    /// A column of integers that are never negative.
     pub fn counts(column: StateColumn, rows: impl Iterator<Item = u64>) -> Self {
         Self::new(column, Values::Counts(rows.collect()))
     }
 
-    /// How many rows it has.
+    /// Number of rows.
     pub fn rows(&self) -> usize {
         self.values.len() / self.column.width.max(1)
     }

@@ -1,16 +1,17 @@
-//! Adhesion after Derjaguin, Muller and Toporov (1975, DOI 10.1016/0021-9797(75)90018-1): an attraction beside the forces of any
-//! model, for hard and small spheres.
+//! Adhesion after Derjaguin, Muller and Toporov (1975, DOI 10.1016/0021-9797(75)90018-1): an attraction added to the forces
+//! of any model, for hard and small spheres.
 //!
-//! While two spheres overlap they attract each other with `F_a = 2π w R*`, whatever the overlap: `N = N_model - F_a`. `1/R*` is the sum
-//! of `1/R` of both, of a wall 0; `w` is the work of adhesion per area [J/m²], `w = 2 √(γ_A γ_B)` with the surface energies of
-//! the materials. What pulls them apart must be `F_a` (the pull-off force, at an overlap of 0). The energy `-F_a δ` of it is
-//! stored: with the elastic force of Hertz a contact is deepest in a hollow of it, and who comes in with no energy of motion gets
-//! out with none. Nothing is lost to adhesion itself, unlike that of Johnson, Kendall and Roberts, where contacts outlive the overlap.
+//! While two spheres overlap they attract each other with `F_a = 2π w R*`, at any overlap: `N = N_model - F_a`. `1/R*` is
+//! the sum of `1/R` of both, 0 for a wall. `w` is the work of adhesion per area [J/m²], `w = 2 √(γ_A γ_B)` with the surface
+//! energies of the materials. The pull-off force is `F_a`, at an overlap of 0. Its energy `-F_a δ` is stored. With the
+//! elastic force of Hertz the contact energy has a well: a sphere that enters without kinetic energy leaves without any.
+//! Adhesion itself dissipates nothing, unlike that of Johnson, Kendall and Roberts, where contacts outlive the overlap.
 //!
-//! Friction and resistance to rolling and twisting have their limits from the force that presses the surfaces together, `N + F_a`.
+//! Friction and resistance to rolling and twisting have their limits from the force that presses the surfaces together,
+//! `N + F_a`.
 //!
-//! It holds for small Tabor parameters, `(R* w² / (E*² z³))^(1/3) < 0.1` or so with the distance `z` of atoms, 0.2 to 0.4 nm
-//! (Johnson and Greenwood 1997, J. Colloid Interface Sci. 192, 326).
+//! The law holds for small Tabor parameters, `(R* w² / (E*² z³))^(1/3) < 0.1` or so with the distance `z` of atoms, 0.2 to
+//! 0.4 nm (Johnson and Greenwood 1997, J. Colloid Interface Sci. 192, 326).
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -23,7 +24,7 @@ use crate::particles::Needs;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// The constants of a contact between two materials; by default nothing attracts.
+/// Constants of a contact between two materials; by default nothing attracts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Constants {
     /// Surface energy `γ`, half the work of adhesion [J/m²].
@@ -40,7 +41,7 @@ impl Mixing for Constants {
 /// Constants of every pair of materials.
 pub type Interactions = super::Interactions<Constants>;
 
-/// A model of forces, with attraction.
+/// Model of forces with an attraction.
 #[derive(Clone, Debug)]
 pub struct Dmt<M> {
     forces: M,
@@ -48,12 +49,12 @@ pub struct Dmt<M> {
 }
 
 impl<M: Model> Dmt<M> {
-    /// Beside these forces.
+    /// Adds the attraction to these forces.
     pub fn new(forces: M, interactions: Interactions) -> Self {
         Self { forces, interactions }
     }
 
-    /// Do any materials?
+    /// Do any materials attract each other?
     fn attracts(&self) -> bool {
         self.interactions.iter().any(|constants| constants.surface_energy > 0.0)
     }
@@ -67,14 +68,14 @@ pub struct Attracting<C, L> {
 }
 
 impl<C, L: Lanes> Attracting<C, L> {
-    /// The attraction at an overlap [N].
+    /// Attraction at an overlap [N].
     #[inline(always)]
     fn at(&self, overlap: L) -> L {
         let zero = L::all(0.0);
         self.attraction.or(zero, zero.less(overlap))
     }
 
-    /// Takes it from what the forces do.
+    /// Subtracts the attraction from an action.
     #[inline(always)]
     fn attracted(&self, mut action: Action<L>, overlap: L) -> Action<L> {
         let attraction = self.at(overlap);
@@ -84,7 +85,7 @@ impl<C, L: Lanes> Attracting<C, L> {
     }
 }
 
-/// Constants of the forces beneath.
+/// Access to the constants of the forces.
 struct OfForces<'a, S>(&'a S);
 
 impl<C, L, S: Spread<Attracting<C, f64>, L>> Spread<C, L> for OfForces<'_, S> {

@@ -1,12 +1,12 @@
-//! Constants of contacts by pairs of materials, whatever the law.
+//! Constants of contacts by pairs of materials, for any law.
 
 use crate::ids::MaterialId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Constants of contacts of a law.
+/// Constants of contacts of a law, with a rule to mix them.
 pub trait Mixing: Copy {
-    /// Of a contact between two materials about which the scene says nothing more.
+    /// Constants for two materials without a setting of their own for the pair.
     fn mixed(a: &Self, b: &Self) -> Self;
 }
 
@@ -16,22 +16,23 @@ impl<C: Mixing, D: Mixing> Mixing for (C, D) {
     }
 }
 
-/// Up to so many materials the constants of all pairs are held; of more they are mixed where they are asked for.
+/// Largest number of materials for which the constants of all pairs are stored; for more they are mixed on
+/// demand.
 const MOST_IN_TABLE: usize = 64;
 
-/// The constants of every pair of materials.
+/// Constants of every pair of materials.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Interactions<C> {
-    /// Of each material with itself, as far as the scene says nothing more.
+    /// Each material with itself, mixed for pairs that are not set.
     own: Vec<C>,
-    /// Those that are not mixed, the lower id first.
+    /// Pairs set explicitly, the lower id first.
     set: BTreeMap<[MaterialId; 2], C>,
-    /// Of all pairs; empty if there are too many.
+    /// All pairs; empty if there are too many.
     table: Vec<C>,
 }
 
 impl<C: Mixing> Interactions<C> {
-    /// Mixed from those of each material with itself.
+    /// Constants mixed from those of each material with itself.
     pub fn new(own: &[C]) -> Self {
         let mut new = Self { own: own.to_vec(), set: BTreeMap::new(), table: Vec::new() };
         if own.len() <= MOST_IN_TABLE {
@@ -40,7 +41,7 @@ impl<C: Mixing> Interactions<C> {
         new
     }
 
-    /// A part of each. It must be mixed as the whole is.
+    /// A part of each constant. The part must be mixed like the whole.
     pub fn map<P>(&self, part: impl Fn(&C) -> P) -> Interactions<P> {
         Interactions {
             own: self.own.iter().map(&part).collect(),
@@ -49,7 +50,7 @@ impl<C: Mixing> Interactions<C> {
         }
     }
 
-    /// Of these two materials, in either order.
+    /// Constants of two materials, in either order.
     #[inline]
     pub fn of(&self, a: MaterialId, b: MaterialId) -> C {
         match self.table.get(a.index() * self.own.len() + b.index()) {
@@ -64,7 +65,7 @@ impl<C: Mixing> Interactions<C> {
         self.set.get(&[a.min(b), a.max(b)]).copied().unwrap_or_else(mixed)
     }
 
-    /// Replaces those of two materials.
+    /// Replaces the constants of two materials.
     pub fn set(&mut self, a: MaterialId, b: MaterialId, constants: C) {
         let materials = self.own.len();
         self.set.insert([a.min(b), a.max(b)], constants);
@@ -75,7 +76,7 @@ impl<C: Mixing> Interactions<C> {
         }
     }
 
-    /// Of all pairs, each once.
+    /// Constants of all pairs, each once.
     pub fn iter(&self) -> impl Iterator<Item = C> {
         let count = self.own.len();
         let ids = move |from: usize| (from..count).map(|id| MaterialId(id as u16));

@@ -1,17 +1,18 @@
-//! What all laws have in common: gathering eight contacts, how their surfaces move, what is carried over from the last
-//! step, work and energy, and the sums over bodies.
+//! Parts that all force laws share: gathering eight contacts, the motion of their surfaces, the state of the last step,
+//! work and energy, and the sums over bodies.
 //!
-//! With the central differences of [`dem_grains::motion`], the work of a force between two steps is the mean of its
-//! values at both times the displacement, each where it acted: the point of other bodies than spheres is remembered, for it
-//! runs over the surface. Booked where the force acts now, discs of 5:1 would seem to make 2 % of what they dissipate.
+//! With the central differences of [`dem_grains::motion`], the work between two steps is the mean of the old and the new force
+//! times the displacement. Each force counts at the point where it acted. For bodies other than spheres that point runs over the
+//! surface, so it is remembered. With the present point for both forces, the error for discs of 5:1 would be 2 % of the
+//! energy that they dissipate.
 //!
-//! What a contact dissipates is that work minus the change of its elastic energy, from the step before the first touch to
-//! the step after the last; only of channels that can dissipate. The others dissipate nothing: what a long step makes of
-//! them is missing from the energy balance, and is reported. Where nothing depends on velocities, those of ghosts need not
-//! be known.
+//! A contact dissipates this work minus the change of its elastic energy, from the step before the first touch to the step
+//! after the last. Only channels that can dissipate count. The error of a long time step in the other channels appears in
+//! the energy error of the report. Where nothing depends on velocities, the velocities of ghosts need not be known.
 //!
-//! Where a law goes by the curvature of bodies, its normal channel dissipates the work of what its force has beyond the derivative
-//! of the energy: that of dashpots. The elastic force beside the normal and its moment have no other channel, and dissipate nothing.
+//! If a law depends on the curvature of bodies, its normal channel dissipates only the work of dashpots: the normal force
+//! minus the derivative of the energy. The elastic force beside the normal and its moment belong to no channel and
+//! dissipate nothing.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -41,30 +42,30 @@ use rows::{
     read_states_in_a_row, rows_at, stood_in_a_row, write_state, write_threes,
 };
 
-/// No law remembers more numbers of a contact.
+/// Largest number of state values per contact.
 pub const MOST_STATE: usize = 8;
-/// The same of one with moments.
+/// Largest number of state values per contact of a model with moments.
 pub const MOST_STATE_OF_MOMENTS: usize = 16;
 
-/// Where the force acted, seen from the centre of A: what it does in a step is its work there. Of bodies other than
-/// spheres it runs over the surface, faster the flatter that is, and cannot be found again from the normal.
+/// Point where the force acted, from the centre of A [m]. The work of a step is computed there. On bodies other than
+/// spheres it runs over the surface, the faster the flatter the surface is, and cannot be recovered from the normal.
 pub const CONTACT_POINT: StateColumn = StateColumn::new("contact_point", 3, "m");
-/// What [`Model::last`] does not know of the tangential force there: that of dashpots.
+/// Viscous part of the tangential force at the previous step [N], which [`Model::last`] does not return.
 const VISCOUS_FORCE: StateColumn = StateColumn::new("viscous_force", 3, "N");
-/// Numbers of both.
+/// Values of both columns together.
 const MOST_ACTED: usize = 6;
 
-/// What is remembered of the force of the last step beside the numbers of the model.
+/// Remembered data of the last force beside the state of the model.
 #[derive(Clone, Copy, Debug)]
 struct Acted<L> {
-    /// [m]; `None` of spheres, whose overlap tells it.
+    /// Contact point [m]; `None` for spheres, where it follows from the overlap.
     point: Option<Triple<L>>,
-    /// [N]; `None` if the model knows all of it.
+    /// Viscous tangential force [N]; `None` if [`Model::last`] returns the whole force.
     viscous: Option<Triple<L>>,
 }
 
 impl<L: Copy> Acted<L> {
-    /// From numbers, of which the first are those of the point, if bodies are no spheres; `None` from none.
+    /// Reads the columns; the point stands first if bodies are not spheres. `None` without values.
     #[inline(always)]
     fn read(numbers: &[L], has_point: bool) -> Option<Self> {
         let first = |numbers: &[L]| match *numbers {
@@ -75,7 +76,7 @@ impl<L: Copy> Acted<L> {
         first(numbers).map(|_| Self { point: first(point), viscous: first(viscous) })
     }
 
-    /// The inverse, as far as there are places.
+    /// Writes the columns, as far as `numbers` has room; the inverse of `read`.
     #[inline(always)]
     fn write(point: Triple<L>, viscous: Triple<L>, numbers: &mut [L], has_point: bool) {
         let (of_point, of_viscous) = numbers.split_at_mut(if has_point { 3 } else { 0 });
@@ -87,51 +88,53 @@ impl<L: Copy> Acted<L> {
     }
 }
 
-/// Contacts, each lane one, as a law sees them.
+/// Contacts as a law sees them, one in each lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact<L> {
     /// Unit normal, A to B.
     pub normal: Triple<L>,
-    /// The normal of the last touch; zero if there was none.
+    /// Normal at the last touch; zero if there was none.
     pub last_normal: Triple<L>,
     /// Overlap [m].
     pub overlap: L,
-    /// That of the last touch; 0 if there was none [m].
+    /// Overlap at the last touch [m]; 0 if there was none.
     pub last_overlap: L,
-    /// Normal force over the derivative of the energy by the overlap: 1 but for contacts of faces and straight sides [-].
+    /// Normal force over the derivative of the energy by the overlap [-]; 1 except for contacts of faces and straight
+    /// sides.
     pub gain: L,
     /// Velocity of approach along the normal [m/s].
     pub approach: L,
     /// Velocity of A's surface against B's in the contact plane [m/s].
     pub sliding: Triple<L>,
-    /// Velocity of A's surface against B's that is foreseen at the time of the positions [m/s].
+    /// Velocity of A's surface against B's [m/s], predicted for the time of the positions.
     pub foreseen: Triple<L>,
-    /// The part of tangential dashpots in the last force; zero if there are none [N].
+    /// Viscous part of the last tangential force [N]; zero without tangential dashpots.
     pub last_viscous: Triple<L>,
-    /// By how much the pair has turned about the normal since the last step [rad].
+    /// Rotation of the pair about the normal since the last step [rad].
     pub twist: L,
     /// Angular velocity of A against B [rad/s].
     pub turning: Triple<L>,
-    /// Which of them touched at the last step.
+    /// Contacts that touched at the last step, as bits of lanes.
     pub touched: u8,
-    /// Do they touch with faces or straight sides, where friction resists turning by its extent?
+    /// Do the bodies touch with faces or straight sides? Then friction also resists torsion.
     pub extended: bool,
-    /// Where they do, the force of torsion before any limit [N]: force times mean distance is the moment.
+    /// Force of torsion before any limit [N], for extended contacts. The moment is this force times the mean distance.
     pub torsion: L,
     /// Time since the last step [s]; 0 at the start of a stage.
     pub dt: f64,
-    /// Which of them have begun since the last step.
+    /// Contacts that have begun since the last step, as bits of lanes.
     pub begun: u8,
     /// Time in contact since the last step [s]: `dt`, or less where contacts have begun since then.
     pub lasted: L,
-    /// Which of them end within the next step.
+    /// Contacts that end within the next step, as bits of lanes.
     pub ends: u8,
-    /// In which part of it [-].
+    /// Part of the next step after which they end [-].
     pub left: L,
 }
 
 impl<L: Lanes> Contact<L> {
-    /// Contacts begin and end between steps, at times that the present velocity of approach tells. They end at a gap [m].
+    /// Finds the contacts that have begun since the last step or end within the next, and when. The times follow from the
+    /// present velocity of approach. Contacts end at a gap of `gap` [m].
     #[inline(always)]
     fn timed(mut self, gap: L) -> Self {
         let (zero, one) = (L::all(0.0), L::all(1.0));
@@ -151,8 +154,9 @@ impl<L: Lanes> Contact<L> {
         self
     }
 
-    /// Time for which what acts in the plane acts from the middle of the last step on, over a step [-]: 1, but where contacts end
-    /// it stays until Coulomb's limit, which falls to nothing, has come down to it. `part` of the limit is that now [-].
+    /// Time for which the tangential force acts, from the middle of the last step on, over the time step [-]. It is 1
+    /// unless the contact ends within the next step. Then the force acts until Coulomb's limit, which falls to zero, has
+    /// come down to it. `part` returns the present force over its limit [-].
     #[inline(always)]
     pub fn remains(&self, part: impl Fn() -> L) -> L {
         let one = L::all(1.0);
@@ -165,37 +169,37 @@ impl<L: Lanes> Contact<L> {
     }
 }
 
-/// What acts in contacts.
+/// Forces and moments in contacts.
 #[derive(Clone, Copy, Debug)]
 pub struct Action<L> {
     /// Normal force, positive if it pushes [N].
     pub press: L,
     /// Tangential force of A on B [N].
     pub rub: Triple<L>,
-    /// The part of dashpots [N]. [`Model::last`] does not know it, and gives none.
+    /// Viscous part of the tangential force [N]; zero in the result of [`Model::last`].
     pub viscous: Triple<L>,
-    /// What Coulomb's limit has left of the tangential force. [`Model::last`] does not know it.
+    /// Parts of the tangential force and torsion that Coulomb's limit leaves; not set by [`Model::last`].
     pub kept: Kept<L>,
-    /// Moment of A on B about the contact point, if the model has [`Model::MOMENTS`] [N m]. No part of it is forgotten: what a
-    /// dashpot adds has to be in the state.
+    /// Moment of A on B about the contact point [N m], if the model has [`Model::MOMENTS`]. All of it must follow from the
+    /// state, the part of dashpots included.
     pub moment: Triple<L>,
-    /// Elastic energy in the normal and the tangential direction, that of moments with the latter [J].
+    /// Elastic energy of the normal and of the tangential direction [J]; the latter includes that of moments.
     pub stored: [L; 2],
 }
 
-/// Parts of what friction would do without a limit [-].
+/// Friction with Coulomb's limit over friction without it [-].
 #[derive(Clone, Copy, Debug)]
 pub struct Kept<L> {
-    /// Of the tangential force; 1 where friction sticks.
+    /// Tangential force; 1 where friction sticks.
     pub force: L,
-    /// Of torsion.
+    /// Torsion.
     pub torsion: L,
-    /// See [`Contact::remains`]. The force of an action has it already.
+    /// See [`Contact::remains`]. The force of an action contains this factor.
     pub remains: L,
 }
 
 impl<L: Lanes> Kept<L> {
-    /// Where friction sticks.
+    /// Values where friction sticks.
     #[inline(always)]
     pub fn all() -> Self {
         let one = L::all(1.0);
@@ -203,51 +207,52 @@ impl<L: Lanes> Kept<L> {
     }
 }
 
-/// Constants of contacts, from one set for all lanes or one for each.
+/// Constants of contacts, from one set for all lanes or from one set per lane.
 pub trait Spread<C, L> {
-    /// One of the constants.
+    /// One constant in all lanes.
     fn of(&self, get: impl Fn(&C) -> f64) -> L;
 }
 
-/// What one law knows and others do not; [`super`] walks through one. Constants of a contact stand in a type with a
-/// number for each, for one contact or for eight.
+/// Formulas of one law; [`super`] walks through an example. Constants of contacts stand in a type that is generic over one
+/// contact or eight.
 pub trait Model: About + std::fmt::Debug {
     /// Constants of contacts.
     type Constants<L: Lanes>: Copy + std::fmt::Debug + Send + Sync;
 
-    /// Does it give bodies moments beside those of its forces? By default it does not, and nothing is computed for them. One that
-    /// does needs `velocity` and `spin`.
+    /// Does the model add moments to those of its forces? By default it does not, and none are computed. A model with
+    /// moments needs `velocity` and `spin`.
     const MOMENTS: bool = false;
 
-    /// May it ask for the curvature of bodies where they touch, by its [`Needs`]? Then [`Model::curved`] gives the constants of a
-    /// contact, and the elastic energy along the normal is a constant times [`Curvature::root_of_radius`] and `δ^(5/2)`, as Hertz's
-    /// is: the kernel adds the rest of its gradient. By default it does not, and nothing is computed for it.
+    /// May its [`Needs`] ask for the curvature of bodies at contacts? Then [`Model::curved`] gives the constants of a
+    /// contact. The normal elastic energy must be a constant times [`Curvature::root_of_radius`] and `δ^(5/2)`, as in
+    /// Hertz's law: the kernel adds the rest of its gradient. By default no curvature is computed.
     ///
     /// [`Curvature::root_of_radius`]: crate::contact::curvature::Curvature::root_of_radius
     const BY_CURVATURE: bool = false;
 
-    /// Does it lose energy where contacts begin and end, see [`Model::torn`]? By default it does not, and nothing is computed
-    /// for it.
+    /// Does it lose energy where contacts begin and end, see [`Model::torn`]? By default it does not, and no loss is
+    /// computed.
     const TEARS: bool = false;
 
-    /// Does it know contacts of faces and straight sides? By default it does; one that does not costs less to compile.
+    /// Does it handle contacts of faces and straight sides? By default it does; a model without them compiles faster.
     const FACES: bool = true;
 
-    /// Which columns of particles it reads.
+    /// Columns of particles that it reads.
     fn needs(&self) -> Needs;
 
-    /// What it remembers of a touching contact: at most [`MOST_STATE`] numbers, or [`MOST_STATE_OF_MOMENTS`].
+    /// State columns of a touching contact, at most [`MOST_STATE`] values, or [`MOST_STATE_OF_MOMENTS`] with moments.
     fn state(&self) -> &[StateColumn] {
         &[]
     }
 
-    /// Of contacts between two bodies; the second may be a wall.
+    /// Constants of contacts between two bodies; the second may be a wall.
     fn constants(&self, a: &Body, b: &Body) -> Self::Constants<f64>;
 
-    /// The same in lanes.
+    /// Constants in lanes.
     fn spread<L: Lanes>(of: &impl Spread<Self::Constants<f64>, L>) -> Self::Constants<L>;
 
-    /// Constants of contacts with this root of the radius [√m], of models by curvature. [`Model::last`] gets those of before.
+    /// Constants of contacts with this root of the radius [√m], for models by curvature. [`Model::last`] gets the constants
+    /// of the previous step.
     fn curved<L: Lanes>(
         &self,
         constants: &Self::Constants<L>,
@@ -256,10 +261,10 @@ pub trait Model: About + std::fmt::Debug {
         *constants
     }
 
-    /// What acted at the last step, as far as that is remembered, for an overlap [m].
+    /// Forces at the last step as far as the state gives them, for an overlap [m].
     fn last<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L, state: &[L]) -> Action<L>;
 
-    /// What acts now. `state` has what is remembered of the last step, and gets what the next step must know.
+    /// Forces at this step. `state` holds the values of the last step on entry and those for the next step on return.
     fn act<L: Lanes>(
         &self,
         constants: &Self::Constants<L>,
@@ -267,35 +272,34 @@ pub trait Model: About + std::fmt::Debug {
         state: &mut [L],
     ) -> Action<L>;
 
-    /// Which contacts can dissipate energy in the normal, and which in the tangential direction; by default none.
+    /// Contacts that can dissipate energy in the normal and in the tangential direction, as bits of lanes; by default none.
     fn dissipates<L: Lanes>(&self, _constants: &Self::Constants<L>) -> [u8; 2] {
         [0, 0]
     }
 
-    /// Which part of the energy that is stored in the plane moments have stored, for an overlap [m], in J; by default none.
+    /// Part of the stored tangential energy that belongs to moments [J], for an overlap [m]; by default none.
     fn turned<L: Lanes>(&self, _: &Self::Constants<L>, _overlap: L, _state: &[L]) -> L {
         L::all(0.0)
     }
 
-    /// What a contact loses at once where it begins, and where it ends, in J; by default nothing.
+    /// Energy that a contact loses at once where it begins, and where it ends [J]; by default none.
     fn torn<L: Lanes>(&self, _constants: &Self::Constants<L>) -> [L; 2] {
         [L::all(0.0); 2]
     }
 
-    /// The normal force at an overlap [m] without dashpots, in N: the derivative of the energy.
+    /// Normal force at an overlap [m] without dashpots [N]: the derivative of the energy.
     fn elastic<L: Lanes>(&self, constants: &Self::Constants<L>, overlap: L) -> L;
 
-    /// What resists turning where bodies touch with faces or straight sides, at an overlap [m]; by default nothing.
+    /// Resistance to turning of bodies that touch with faces or straight sides, at an overlap [m]; by default none.
     fn turning(&self, _constants: &Self::Constants<f64>, _overlap: f64) -> Turning {
         Turning::default()
     }
 
-    /// How much the normal force at an overlap [m] rises when bodies come nearer within one step of `dt` [s], over the
-    /// way [N/m].
+    /// Rise of the normal force at an overlap [m] over the way, when bodies approach within one step of `dt` [s], in N/m.
     fn stiffness(&self, constants: &Self::Constants<f64>, overlap: f64, dt: f64) -> f64;
 
-    /// The gap at which a contact ends that has once been made [m]; by default it ends where the overlap does. Only of spheres,
-    /// with each other and with planes.
+    /// Gap at which an existing contact ends [m]; by default it ends where the overlap does. Only for spheres, with each
+    /// other and with planes.
     fn outlives<L: Lanes>(&self, _constants: &Self::Constants<L>) -> L {
         L::all(0.0)
     }
@@ -305,40 +309,41 @@ pub trait Model: About + std::fmt::Debug {
 #[derive(Debug)]
 pub struct Law<M: Model> {
     model: M,
-    /// Constants of every pair of shapes, walls included; none if there are too many. Not for bodies of other sizes than
-    /// their shapes.
+    /// Constants of every pair of shapes, walls included; empty if there are more than `MOST_SHAPES`. They do not hold for
+    /// bodies of other sizes than their shapes.
     table: Vec<OfPair<M>>,
-    /// How many shapes the table has.
+    /// Number of shapes in the table.
     shapes: usize,
-    /// Numbers that the model remembers of a contact.
+    /// State values of the model per contact.
     width: usize,
-    /// What the law remembers of a contact: more of bodies with faces or straight sides, and of those that are no spheres.
+    /// State columns per contact: those of the model, and those for contacts with faces or straight sides or for bodies
+    /// other than spheres.
     state: Vec<StateColumn>,
-    /// Numbers in these columns.
+    /// Values in these columns.
     stride: usize,
-    /// Is the point where the force acted among them?
+    /// Is the point where the force acted among the columns?
     has_points: bool,
-    /// Of each shape, which contacts with an extent it can be the first and the second body of.
+    /// Extended contacts that each shape can be the first and the second body of, as bits.
     extended: Vec<[u8; 2]>,
     needs: Needs,
 }
 
-/// What is the same at every step of the contacts of two bodies, or of eight times two.
+/// Constants over all steps of the contacts of two bodies, or of eight pairs.
 #[derive(Clone, Copy, Debug)]
 struct PairConstants<C, L> {
-    /// Those of the law.
+    /// Constants of the law.
     of_law: C,
-    /// Bounding radii of both; 0 of a facet [m].
+    /// Bounding radii of both bodies [m]; 0 for a facet.
     radii: [L; 2],
 }
 
-/// Of one pair.
+/// Constants of one pair.
 type OfPair<M> = PairConstants<<M as Model>::Constants<f64>, f64>;
 
-/// Of eight pairs.
+/// Constants of eight pairs.
 type OfEight<M, L> = PairConstants<<M as Model>::Constants<L>, L>;
 
-/// Eight times the same.
+/// Eight equal pairs.
 #[inline(always)]
 fn same<M: Model, L: Eight>(one: &OfPair<M>) -> OfEight<M, L> {
     OfEight::<M, L> {
@@ -347,7 +352,7 @@ fn same<M: Model, L: Eight>(one: &OfPair<M>) -> OfEight<M, L> {
     }
 }
 
-/// One for each lane.
+/// A pair for each lane.
 #[inline(always)]
 fn each<M: Model, L: Eight>(each: &[OfPair<M>; WIDTH]) -> OfEight<M, L> {
     let mut radii = [[0.0; WIDTH]; 2];
@@ -358,14 +363,14 @@ fn each<M: Model, L: Eight>(each: &[OfPair<M>; WIDTH]) -> OfEight<M, L> {
     OfEight::<M, L> { of_law: M::spread(&Each(each)), radii }
 }
 
-/// A table of more shapes would not stay in the cache.
+/// The table of more shapes would not stay in the cache.
 const MOST_SHAPES: usize = 128;
 
 impl<M: Model> Law<M> {
-    /// Between bodies of a library.
+    /// The law between bodies of a library.
     ///
     /// # Panics
-    /// If the law remembers more numbers of a contact than there may be, and if it does not know what touches.
+    /// If the model has more state values per contact than allowed, or does not handle the contacts of these shapes.
     pub fn new(model: M, library: &Library) -> Self {
         let width = StateColumn::total_width(model.state());
         let most = if M::MOMENTS { MOST_STATE_OF_MOMENTS } else { MOST_STATE };
@@ -408,7 +413,7 @@ impl<M: Model> Law<M> {
         law
     }
 
-    /// Of two shapes, from the table if they are in it.
+    /// Constants of two shapes, from the table if it holds them.
     #[inline(always)]
     fn of_shapes(&self, (a, b): (usize, usize), particles: &Particles) -> OfPair<M> {
         match self.table.get(a * self.shapes + b) {
@@ -423,13 +428,13 @@ impl<M: Model> Law<M> {
         self.of_pair(&a, &b)
     }
 
-    /// Of two bodies, whatever their sizes.
+    /// Constants of two bodies at their sizes.
     #[inline(never)]
     fn of_bodies(&self, a: Slot, b: Slot, particles: &Particles) -> OfPair<M> {
         self.of_shares(Pair { a, b }, particles, 1.0)
     }
 
-    /// Constants of two bodies with so much of their masses.
+    /// Constants of two bodies, each with this share of its mass.
     #[inline]
     fn of_shares(&self, Pair { a, b }: Pair, particles: &Particles, share: f64) -> OfPair<M> {
         let [a, b] = [a, b].map(|slot| {
@@ -446,7 +451,7 @@ impl<M: Model> Law<M> {
         PairConstants { of_law: self.model.constants(a, b), radii: [radius(a), radius(b)] }
     }
 
-    /// Of a pair that touches as it does now.
+    /// Constants of a touching pair with its present curvature.
     fn constants_now(
         &self,
         pair: Pair,
@@ -464,20 +469,20 @@ impl<M: Model> Law<M> {
         self.model.curved(&constants, curvature.root_of_radius)
     }
 
-    /// Do two bodies touch with faces or straight sides? The others of a scene with such bodies never have a patch.
+    /// Do two bodies touch with faces or straight sides? Other pairs in scenes with such bodies never have a patch.
     #[inline(always)]
     fn has_patch(&self, pair: Pair, particles: &Particles) -> bool {
         let [a, b] = [pair.a, pair.b].map(|slot| particles.shape[slot.index()].index());
         self.extended[a][0] & self.extended[b][1] != 0
     }
 
-    /// Is it not only for its pieces that a pair [has a patch](Self::has_patch)?
+    /// Does a pair have a [patch](Self::has_patch) by its shapes, and not only because one of them is a piece?
     fn is_extended(&self, pair: Pair, particles: &Particles) -> bool {
         let [a, b] = [pair.a, pair.b].map(|slot| particles.shape[slot.index()].index());
         self.extended[a][0] & self.extended[b][1] & !(OF_FIRST | OF_SECOND) != 0
     }
 
-    /// Of a pair.
+    /// Constants of a pair.
     fn constants(&self, pair: Pair, particles: &Particles) -> M::Constants<f64> {
         if particles.needs.scale {
             return self.of_bodies(pair.a, pair.b, particles).of_law;
@@ -487,13 +492,13 @@ impl<M: Model> Law<M> {
     }
 }
 
-/// Stands among the sorts of extended contacts of pieces as first bodies, and of all second ones.
+/// Bit of the extended contacts of pieces as first bodies, and of all second ones.
 const OF_FIRST: u8 = 1 << 6;
-/// The other way round.
+/// Bit of the extended contacts of pieces as second bodies, and of all first ones.
 const OF_SECOND: u8 = 1 << 7;
 
-/// With what sort of extended contact each shape can be the first and the second body, as bits, see [`Kind::extended`]. A pair with a piece has one
-/// with any other, so that it can have a share of its bodies' masses.
+/// Sorts of extended contact that each shape can be the first and the second body of, as bits, see [`Kind::extended`]. A
+/// pair with a piece counts as extended with any other shape, so that it can have a share of the masses of its bodies.
 fn extended(library: &Library) -> Vec<[u8; 2]> {
     let own = library.shapes.iter().map(|shape| shape.kind().extended());
     if library.pieces.is_empty() {
@@ -569,10 +574,10 @@ impl<M: Model> ForceLaw for Law<M> {
     }
 }
 
-/// One for all lanes.
+/// One constant for all lanes.
 struct Same<'a, C>(&'a PairConstants<C, f64>);
 
-/// One for each lane.
+/// One constant for each lane.
 struct Each<'a, C>(&'a [PairConstants<C, f64>; WIDTH]);
 
 impl<C, L: Eight> Spread<C, L> for Same<'_, C> {
@@ -600,7 +605,7 @@ struct Contacts<'a, 'b, M: Model> {
     particles: &'a Particles,
     dt: f64,
     sums: &'a mut Sums,
-    /// Of those that have separated, how many have been summed.
+    /// Separated contacts summed so far.
     summed: usize,
 }
 
@@ -609,18 +614,18 @@ impl<M: Model> Kernel for Contacts<'_, '_, M> {
 
     #[inline(always)]
     fn run<L: Eight>(mut self) {
-        // What is left out leaves no branch behind.
+        // Parts that the law does not use are left out at compile time, without a branch.
         let points = self.law.stride > self.law.width;
         let velocity = self.law.needs.velocity;
         if M::BY_CURVATURE && self.law.needs.curvature {
-            // Whose bodies turn, and have points.
+            // These bodies turn and have points.
             if M::MOMENTS || velocity {
                 self.all::<L, true, true, true, true>();
             } else {
                 self.all::<L, false, true, false, true>();
             }
         } else if M::MOMENTS {
-            // Which need both.
+            // Moments need velocities and turning.
             if points {
                 self.all::<L, true, true, true, false>();
             } else {
@@ -653,7 +658,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let pairs = bytemuck::cast_slice(self.work.pairs);
         let pairs = RowPairs::new(pairs, self.particles.slots());
         let alike = self.alike::<L>();
-        // Every eight contacts write over what those before have remembered.
+        // Each block of eight contacts overwrites the state of the one before.
         let (mut room, mut wide) =
             ([L::all(0.0); MOST_STATE], [L::all(0.0); MOST_STATE + MOST_ACTED]);
         let mut widest = [L::all(0.0); MOST_STATE_OF_MOMENTS + MOST_ACTED];
@@ -677,7 +682,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Constants of all contacts, if all particles have one shape and size and none of these touches a wall.
+    /// Constants of all contacts, if all particles have one shape and size and the contacts touch no wall.
     #[inline(always)]
     fn alike<L: Eight>(&self) -> Option<OfEight<M, L>> {
         let pair = self.work.pairs.first()?;
@@ -709,7 +714,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             shapes[lane] = (of_a[lane].index(), of_b[lane].index());
             alike &= of_a[lane] == of_a[0] && of_b[lane] == of_b[0];
         }
-        // As most are: eight times the same.
+        // In most blocks all eight pairs are alike.
         let one = law.of_shapes(shapes[0], particles);
         if alike {
             return same::<M, L>(&one);
@@ -721,8 +726,9 @@ impl<M: Model> Contacts<'_, '_, M> {
         each::<M, L>(&pairs)
     }
 
-    /// Up to eight contacts; the other lanes repeat the last. `MOVES` if the law asks how surfaces move, `TURNS` if bodies feel
-    /// moments, `POINTS` if [`Acted`] is remembered, `CURVED` if the law goes by the curvature of bodies.
+    /// Finds the forces of up to eight contacts; the other lanes repeat the last. `MOVES`: the law needs the motion of
+    /// surfaces. `TURNS`: bodies have moments. `POINTS`: [`Acted`] is remembered. `CURVED`: the law depends on the curvature
+    /// of bodies.
     #[inline(always)]
     fn eight<
         L: Eight,
@@ -739,7 +745,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     ) {
         let Self { law, particles, dt, .. } = *self;
         let count = (self.work.pairs.len() - first).min(WIDTH);
-        // Pairs with walls stand among themselves.
+        // A block never mixes pairs with walls and pairs of particles.
         let with_walls = bodies[1].at(0) >= particles.first_facet();
         let turning_walls = TURNS && with_walls && particles.facets.any_turns;
         let block = Block { first, count, bodies, turning_walls };
@@ -815,7 +821,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         );
     }
 
-    /// Where forces act, seen from the centres of bodies.
+    /// Points where forces act, from the centres of the bodies.
     #[inline(always)]
     fn arms<L: Eight, const MOVES: bool, const TURNS: bool>(
         &self,
@@ -856,7 +862,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         Arms { now: [point, arm_b], last: [of_acted, on_b] }
     }
 
-    /// Forces, and what is lost. `state` has what was remembered, and gets what the next step must know.
+    /// Forces and losses. `state` holds the values of the last step on entry and those for the next step on return.
     #[inline(always)]
     fn act<L: Eight, const MOVES: bool>(
         &self,
@@ -893,7 +899,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let mut damping = None;
         if let Some(Acted { viscous: Some(last), .. }) = acted {
             before.rub = before.rub.plus(last);
-            // Where friction is at its limit the force is that of friction.
+            // At Coulomb's limit the whole force is friction.
             let power = last.dot(last_velocity) + acting.viscous.dot(velocity);
             damping = Some(power.or(zero, L::all(1.0).at_most(acting.kept.force)));
         }
@@ -901,7 +907,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         if MOVES && dt > 0.0 {
             let (mut last_stored, mut stored) = (before.stored, acting.stored);
             let pressing = if curvatures.is_some() {
-                // Of dashpots alone: bodies that turn change the energy at the same overlap.
+                // The work of dashpots alone: the turning of bodies changes the energy at constant overlap.
                 let last_beyond = before.press - of_curved(last_stored[0], last.overlap);
                 let beyond = acting.press - of_curved(stored[0], now.overlap);
                 (last_stored[0], stored[0]) = (zero, zero);
@@ -932,15 +938,15 @@ impl<M: Model> Contacts<'_, '_, M> {
             let stored = acting.stored[0];
             let elastic = curvatures.moment.times(stored);
             force = force.plus(curvatures.force.times(stored));
-            // Of the last touch nobody knows it: as much as now.
+            // The elastic moment of the last touch is not remembered: the present one is used.
             last_moment = last_moment.plus(elastic.or(Triple::zero(), contact.touched));
             moment = moment.plus(elastic);
         }
         Done { force, last_force, viscous: acting.viscous, last_moment, moment, lost }
     }
 
-    /// Adds what eight contacts do to their bodies, if nothing stands in between. Rows are added as soon as they are made, or they
-    /// would have to wait in memory.
+    /// Adds forces, moments and losses of eight contacts to their bodies, if no separated contact comes in between. Each
+    /// row is added as soon as it is made, so that none waits in memory.
     #[inline(always)]
     fn sum_at_once<L: Eight, const TURNS: bool>(
         &mut self,
@@ -963,7 +969,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             let rows = [&torques[0].rows(share), &torques[1].rows(share)];
             Gather::add([b, a], rows, sums);
         }
-        // In words, or parts that a law does not have would be carried here.
+        // Written out for each part, so that laws without it do not carry it.
         let [of_dashpots, of_turning, of_adhesion] = &mut self.sums.parts;
         if !of_dashpots.is_empty() {
             let share = (L::all(0.5) * done.lost.parts[0]).store();
@@ -979,7 +985,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Adds what contacts do to their bodies, one after the other, with what contacts lost that have separated in between.
+    /// Adds forces, moments and losses of contacts to their bodies one after the other, with the losses of contacts that
+    /// have separated in between.
     #[inline(never)]
     fn sum_in_turn<const TURNS: bool>(&mut self, block: &Block, summands: &Summands) {
         let Summands { force, torques, share, of_friction, parts, impulse } = summands;
@@ -1018,7 +1025,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Takes note of what a contact with a wall does [J].
+    /// Records the work and losses [J] of a contact with a wall.
     #[inline]
     fn note_on_wall(&mut self, place: usize, work: f64, lost: f64, rubbed: f64) {
         let Self { particles, sums, work: all, .. } = self;
@@ -1031,14 +1038,14 @@ impl<M: Model> Contacts<'_, '_, M> {
         });
     }
 
-    /// The same of one that has separated, which acted in a point.
+    /// Records the work and losses of a contact with a wall that has separated and acted in a point.
     fn note_parting(&mut self, pair: Pair, point: Vec3, work: f64, lost: &Lost) {
         let &Lost { all: lost, of_friction: rubbed, .. } = lost;
         let press = || PressOnWall { point, force: Vec3::zeros() };
         self.sums.note_on_wall(OnWall { pair, work, lost, rubbed }, self.particles, press);
     }
 
-    /// Sums what the contacts lost that have separated and stand before this one.
+    /// Adds the losses of separated contacts that come before this place.
     #[inline(always)]
     fn add_separated_before(&mut self, place: usize) {
         while let Some(separated) = self.work.separated.get(self.summed)
@@ -1049,7 +1056,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Zero force; the stored energy of the ended contact counts as dissipated.
+    /// Adds the loss of one separated contact. Its force is zero now; its stored energy counts as dissipated.
     #[cold]
     fn add_separated(&mut self, separated: Separated) {
         let Self { law, particles, dt, .. } = *self;
@@ -1074,7 +1081,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             let arm_a = Vec3::new(x, y, z);
             (arm_a, from_b(arm_a))
         } else {
-            // Of spheres in the middle of the overlap of the farthest points along the last normal.
+            // For spheres: the middle of the overlap between the farthest points along the last normal.
             let frames = bodies.frames(pair);
             let (body, other) = bodies.posed(pair, &frames);
             let arm_a = body.support(&geometry.normal) - into;
@@ -1090,7 +1097,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let rub = vector(before.rub.plus(viscous));
         let moment = if M::MOMENTS { vector(before.moment) } else { Vec3::zeros() };
         let [spin_a, spin_b] = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
-        // The force fell to nothing on the way: half of it did the work.
+        // The force has fallen to zero: only the half of the last step counts.
         let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
         let mut lost = Lost::none();
         if law.needs.velocity && dt > 0.0 {
@@ -1105,7 +1112,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 pressing,
                 rubbing: rub.dot(&velocity),
                 turning: Some(moment.dot(&(spin_a - spin_b))),
-                // Where the normal force falls to nothing friction is at its limit.
+                // The normal force falls to zero, so friction is at its limit.
                 damping: None,
             };
             let stored = [Stored::of([stored, rubbing], turning), Stored::none()];
@@ -1123,16 +1130,16 @@ impl<M: Model> Contacts<'_, '_, M> {
     }
 }
 
-/// Up to eight contacts.
+/// Block of up to eight contacts.
 #[derive(Clone, Copy)]
 struct Block<'a> {
-    /// Where the first stands.
+    /// Place of the first.
     first: usize,
-    /// How many there are.
+    /// Number of contacts.
     count: usize,
     /// Their bodies A and B.
     bodies: [Gather<'a>; 2],
-    /// Are there walls among these that turn?
+    /// Is there a wall that turns among the bodies?
     turning_walls: bool,
 }
 
@@ -1160,25 +1167,25 @@ impl<L: Eight> GeometryInLanes<L> {
     }
 }
 
-/// From the centres of A and of B to where forces act [m].
+/// Vectors from the centres of A and of B to the points where forces act [m].
 struct Arms<L> {
     now: [Triple<L>; 2],
-    /// Of the last step.
+    /// At the last step.
     last: [Triple<L>; 2],
 }
 
-/// What acts in eight contacts.
+/// Results of eight contacts.
 struct Done<L> {
-    /// On B [N].
+    /// Force on B [N].
     force: Triple<L>,
-    /// The same at the last step [N].
+    /// Force on B at the last step [N].
     last_force: Triple<L>,
-    /// Of the force of now, that of tangential dashpots [N].
+    /// Viscous part of the present force [N].
     viscous: Triple<L>,
-    /// On B about the contact point, of models that have moments, at the last step and now [N m].
+    /// Moments on B about the contact point at the last step and now [N m], of models with moments.
     last_moment: Triple<L>,
     moment: Triple<L>,
-    /// Since the last step.
+    /// Losses since the last step.
     lost: Lost<L>,
 }
 
@@ -1194,26 +1201,26 @@ impl<L: Eight> Done<L> {
     }
 }
 
-/// What up to eight contacts do to their bodies, in columns.
+/// Forces, moments and losses of up to eight contacts, in columns.
 struct Summands {
-    /// On B [N].
+    /// Force on B [N].
     force: [[f64; WIDTH]; 3],
     /// Moments on B and A [N m].
     torques: [[[f64; WIDTH]; 3]; 2],
-    /// What each body loses [J], of that to friction.
+    /// Energy that each body loses, and its part lost to friction [J].
     share: [f64; WIDTH],
     of_friction: [f64; WIDTH],
     /// See [`Lost`].
     parts: [[f64; WIDTH]; 3],
-    /// On walls since the last step.
+    /// Impulse on walls since the last step.
     impulse: Option<Impulse>,
 }
 
-/// What was remembered of eight contacts: their geometry; the columns of the law's state go to `state`.
+/// Geometry of eight contacts at the last step; their state values go to `state`.
 #[inline(always)]
 fn read_last<L: Eight>(work: &Work, block: &Block, state: &mut [L]) -> GeometryInLanes<L> {
     let Last { geometry, state: all, .. } = work.last;
-    // As a rule all of them touched at the last step, one after the other: then they stand there as they do here.
+    // Usually all of them touched at the last step and stand there in the same order.
     if let Some(start) = stood_in_a_row(work.from, block.first, block.count) {
         read_states_in_a_row(all, start, state);
         return GeometryInLanes::of(&eight_rows(geometry, start));
@@ -1223,35 +1230,35 @@ fn read_last<L: Eight>(work: &Work, block: &Block, state: &mut [L]) -> GeometryI
     GeometryInLanes::of(&geometries_at(geometry, &from))
 }
 
-/// What particles have done to walls since the last step, in eight contacts.
+/// Impulses of particles on walls since the last step, in eight contacts.
 struct Impulse {
-    /// [N s]
+    /// Impulse [N s].
     straight: [[f64; WIDTH]; 3],
-    /// About the reference points of walls that turn [N m s].
+    /// Angular impulse about the reference points of walls that turn [N m s].
     turning: Option<[[f64; WIDTH]; 3]>,
-    /// What they do to the surfaces of belts against these [J].
+    /// Work against the moving surfaces of belts [J].
     of_belts: Option<[f64; WIDTH]>,
 }
 
-/// How A's surface moves against B's.
+/// Motion of A's surface against B's.
 struct Motion<L> {
-    /// Where they touch [m/s]: positive along the normal is approach.
+    /// Velocity at the contact point [m/s]: positive along the normal is approach.
     velocity: Triple<L>,
-    /// Where the last force acted [m/s].
+    /// Velocity where the last force acted [m/s].
     last_velocity: Triple<L>,
     /// Sum of both angular velocities [rad/s].
     spin: Triple<L>,
-    /// That of A without that of B [rad/s].
+    /// Angular velocity of A minus that of B [rad/s].
     turning: Triple<L>,
-    /// What `velocity` has more where they were half a step ago, see [`Motion::midway`] [m/s].
+    /// Correction of `velocity` to the places half a step ago, see [`Motion::midway`] [m/s].
     midway: Triple<L>,
-    /// Foreseen gain of `velocity` until the time of the positions [m/s]; zero of laws that do not foresee, and at the start of a
-    /// stage.
+    /// Predicted gain of `velocity` until the time of the positions [m/s]; zero for laws without prediction, and at the start
+    /// of a stage.
     ahead: Triple<L>,
 }
 
 impl<L: Eight> Motion<L> {
-    /// Where nobody asks.
+    /// No motion, for laws that do not need it.
     #[inline(always)]
     fn none() -> Self {
         let zero = Triple::zero();
@@ -1265,7 +1272,7 @@ impl<L: Eight> Motion<L> {
         }
     }
 
-    /// Of bodies A and B, at these arms from their centres, and at those of the last force [m].
+    /// Motion of bodies A and B, at the present and the last arms from their centres [m].
     #[inline(always)]
     fn of(
         particles: &Particles,
@@ -1299,9 +1306,9 @@ impl<L: Eight> Motion<L> {
         Self { velocity, last_velocity, spin, turning, midway, ahead }
     }
 
-    /// What the velocity of A's surface against B's has more where they were half a step ago: there, velocities are those that
-    /// carry bodies through the step, and two that turn as one do not slide. A wall turns by itself, and two bodies by their mean.
-    /// `centres` is the velocity of A's centre against B's [m/s].
+    /// Correction of the velocity of A's surface against B's to the places half a step ago [m/s]. Velocities belong to that
+    /// time: with this correction, two bodies that turn as one do not slide. A wall turns with its own spin, two particles
+    /// with the mean of theirs. `centres` is the velocity of A's centre against B's [m/s].
     #[inline(always)]
     fn midway(
         spin: Triple<L>,
@@ -1314,8 +1321,8 @@ impl<L: Eight> Motion<L> {
         of_both.cross(centres).times(L::all(0.25 * dt))
     }
 
-    /// The surfaces of B move against B, as belts do. Returns their velocities in the planes of the contacts, now and at the last
-    /// step [m/s].
+    /// Subtracts the motion of belts, walls whose surfaces move against them. Returns the surface velocities in the contact
+    /// planes, now and at the last step [m/s].
     #[inline(always)]
     fn carried_by(
         &mut self,
@@ -1362,13 +1369,13 @@ impl<L: Eight> Motion<L> {
     }
 }
 
-/// The part of an energy that each body has: half; a wall has none.
+/// Share of an energy for each body: half, or all for a particle at a wall.
 #[inline(always)]
 const fn shares(with_walls: bool) -> f64 {
     if with_walls { 1.0 } else { 0.5 }
 }
 
-/// Velocities of the surfaces of walls against these [m/s]; `None` if no wall is a belt.
+/// Velocities of the surfaces of walls against the walls [m/s]; `None` if no wall is a belt.
 #[inline(always)]
 fn belts<L: Eight>(particles: &Particles, walls: Gather) -> Option<Triple<L>> {
     let belts = &particles.facets.belts;
@@ -1386,7 +1393,7 @@ fn belts<L: Eight>(particles: &Particles, walls: Gather) -> Option<Triple<L>> {
     Some(Triple { x: L::load(x), y: L::load(y), z: L::load(z) })
 }
 
-/// Velocities of the images of B that A sees against B themselves [m/s]; `None` if no image slides.
+/// Velocities of the images of B next to A against B itself [m/s]; `None` if no image slides.
 #[inline(always)]
 fn sliding_of_images<L: Eight>(particles: &Particles, [a, b]: [Gather; 2]) -> Option<Triple<L>> {
     let Particles { position, velocity, cell, .. } = particles;
@@ -1398,7 +1405,7 @@ fn sliding_of_images<L: Eight>(particles: &Particles, [a, b]: [Gather; 2]) -> Op
     Some(cell.velocity_of_nearest_in_lanes(apart, parting))
 }
 
-/// How fast the centres of B leave those of A [m/s].
+/// Velocities of the centres of B against those of A [m/s].
 #[inline(always)]
 fn parting<L: Eight>(particles: &Particles, [a, b]: [Gather; 2]) -> Triple<L> {
     let of_a = vectors::<L>(&particles.velocity, a);
@@ -1417,7 +1424,7 @@ fn velocities<L: Eight>(particles: &Particles, bodies: Gather) -> (Triple<L>, Tr
     (velocity, vectors::<L>(&spin.angular_velocity, bodies))
 }
 
-/// Foreseen gains of the velocities of the centres of bodies [m/s] and of their angular velocities [rad/s].
+/// Predicted gains of the velocities of the centres of bodies [m/s] and of their angular velocities [rad/s].
 #[inline(always)]
 fn gains<L: Eight>(particles: &Particles, bodies: Gather) -> (Triple<L>, Triple<L>) {
     let Ahead { velocity, angular_velocity } = &particles.ahead;
@@ -1429,9 +1436,9 @@ fn gains<L: Eight>(particles: &Particles, bodies: Gather) -> (Triple<L>, Triple<
     (vectors::<L>(velocity, bodies), turning)
 }
 
-/// Turns a vector of the last contact plane into the plane of now, by the shortest rotation (Rodrigues' formula
-/// without angles), and by the twist about the normal. Zero if there was no contact, and where the normal turns right
-/// round: centres have passed each other.
+/// Turns a vector from the last contact plane into the present one: by the shortest rotation (Rodrigues' formula without
+/// angles), and by the twist about the normal. Zero if there was no contact, and where the normal reverses because centres
+/// have passed each other.
 #[inline(always)]
 pub fn carried<L: Lanes>(vector: Triple<L>, contact: &Contact<L>) -> Triple<L> {
     let Contact { normal: new, last_normal: old, twist, touched, .. } = *contact;
@@ -1443,7 +1450,7 @@ pub fn carried<L: Lanes>(vector: Triple<L>, contact: &Contact<L>) -> Triple<L> {
     turned.or(Triple::zero(), kept & touched)
 }
 
-/// What Coulomb's limit leaves of a tangential force, both in N, and of torsion beside it.
+/// Parts of a tangential force [N] and of torsion that Coulomb's limit [N] leaves.
 #[inline(always)]
 pub fn within_limit<L: Lanes>(force: Triple<L>, limit: L, contact: &Contact<L>) -> Kept<L> {
     let one = L::all(1.0);
@@ -1456,15 +1463,16 @@ pub fn within_limit<L: Lanes>(force: Triple<L>, limit: L, contact: &Contact<L>) 
     Kept { force: part, torsion: part, remains: contact.remains(|| size / limit) }
 }
 
-/// Force and torsion share one limit where bodies touch with an extent: nearly an ellipse, and up to 6 % less where both are alike.
-/// Where they slip, the springs give way across it: `f : t = v : s a ω`, with `s` from 1.5 where torsion is all to 9/16 where it is
-/// nothing. On discs under even pressure that is Coulomb's friction in each point within 1 % of the limit, on squares within 2 %
-/// (Farkas et al. 2003, DOI 10.1103/PhysRevLett.90.248302). Rectangles count like them, whatever the direction of the force.
+/// Parts of force and torsion within their common limit, for bodies that touch with an extent. The limit is nearly an
+/// ellipse, up to 6 % lower where both are alike. Where they slip, the springs yield across it: `f : t = v : s a ω`, with
+/// `s` from 1.5 for torsion alone to 9/16 for none. On discs under even pressure this matches Coulomb's friction in each
+/// point within 1 % of the limit, on squares within 2 % (Farkas et al. 2003, DOI 10.1103/PhysRevLett.90.248302). Rectangles
+/// are treated like squares, in any direction of the force.
 #[inline(always)]
 fn within_common_limit<L: Lanes>(square: L, limit: L, contact: &Contact<L>) -> Kept<L> {
     let (zero, one) = (L::all(0.0), L::all(1.0));
     let of_torsion = contact.torsion * contact.torsion;
-    // Size, and the limit in this direction.
+    // Size of force and torsion, and their limit in this direction.
     let sized = |square: L, of_torsion: L| {
         let both = square + of_torsion;
         let alike = square * of_torsion / (both * both);
@@ -1479,19 +1487,19 @@ fn within_common_limit<L: Lanes>(square: L, limit: L, contact: &Contact<L>) -> K
     let torsion = way / (way + (one / force - one));
     let (size_left, most_left) = sized(square * force * force, of_torsion * torsion * torsion);
     let scale = most_left / size_left;
-    // Without any pressure nothing is left.
+    // Without pressure the limit is zero, and nothing is left.
     let left = |part: L| (part * scale).or(zero, zero.less(limit)).or(one, slides);
     Kept { force: left(force), torsion: left(torsion), remains: contact.remains(|| size / most) }
 }
 
-/// The derivative of an energy that goes with `δ^(5/2)`; 0 where there is no overlap.
+/// Derivative of an energy proportional to `δ^(5/2)`; 0 where there is no overlap.
 #[inline(always)]
 fn of_curved<L: Lanes>(energy: L, overlap: L) -> L {
     let zero = L::all(0.0);
     (L::all(2.5) * energy / overlap).or(zero, zero.less(overlap))
 }
 
-/// Force over velocity of a dashpot with this part of critical damping [N s/m].
+/// Coefficient of a dashpot with this part of critical damping [N s/m].
 #[inline]
 pub fn dashpot(ratio: f64, mass: f64, stiffness: f64) -> f64 {
     2.0 * ratio * (mass * stiffness).sqrt()
@@ -1501,7 +1509,8 @@ fn vector(v: Triple<f64>) -> Vec3 {
     Vec3::new(v.x, v.y, v.z)
 }
 
-/// `m_A m_B / (m_A + m_B)`, or the mass of the one against an infinite one, as those of most walls and of held particles are [kg].
+/// Reduced mass `m_A m_B / (m_A + m_B)` [kg]. If one mass is infinite, as for most walls and held particles, it is the
+/// other.
 #[inline]
 pub fn reduced_mass(a: &Body, b: &Body) -> f64 {
     if b.mass.is_infinite() {

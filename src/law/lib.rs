@@ -1,8 +1,9 @@
 //! Force laws: from the geometry of a contact to the forces and moments of its bodies.
 //!
-//! The guide of `dem-mpi` walks through a whole one of one's own, `guide::extend`.
+//! The guide of `dem-mpi` shows a complete law of one's own, `guide::extend`.
 //!
-//! A library of its own: a kernel is compiled for each law and each kind of processor, which takes longer than all else together.
+//! This is a separate crate, because a kernel is compiled for each law and each kind of processor, which takes most of the
+//! build time.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -16,7 +17,7 @@ pub mod stability;
 
 pub use interactions::{Interactions, Mixing};
 
-// Its modules as everywhere in the program.
+// Names its modules by the paths that the rest of the program uses.
 use crate as law;
 use dem_grains::{contact, ids, lanes, math, particles, population, shape};
 
@@ -30,104 +31,104 @@ use crate::particles::{Needs, Particles, held};
 use crate::population::Library;
 use serde::{Deserialize, Serialize};
 
-/// Adds a row to the sum of a body: all of them have one, see [`Sums::begin`].
+/// Adds a row to the sum of a body. Every body has a row, see [`Sums::begin`].
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
 fn add(sums: &mut [Vec3AndNumber], slot: usize, row: impl Row) {
     row.add_to(bytemuck::cast_mut(&mut sums[slot]));
 }
 
-/// Moment on A about its centre of a force of A on B [N] at `point` from that centre [m], in N m.
+/// Moment on A about its centre, of a force of A on B [N] at `point` from that centre [m], in N m.
 #[inline]
 pub fn torque_on_a(force: &Vec3, point: &Vec3) -> Vec3 {
     -point.cross(force)
 }
 
-/// The same on B about its centre, which is at `r` from that of A [m].
+/// Moment on B about its centre [N m], which is at `r` from the centre of A [m].
 #[inline]
 pub fn torque_on_b(force: &Vec3, point: &Vec3, r: &Vec3) -> Vec3 {
     (point - r).cross(force)
 }
 
-/// What a wall and a particle did to each other since the last step.
+/// Work and losses between a wall and a particle since the last step.
 #[derive(Clone, Copy, Debug)]
 pub struct OnWall {
     /// The particle and the facet.
     pub pair: Pair,
     /// Work of the wall on the particle [J].
     pub work: f64,
-    /// What was lost [J].
+    /// Energy lost [J].
     pub lost: f64,
-    /// The part of that which friction took [J].
+    /// Part of it that friction took [J].
     pub rubbed: f64,
 }
 
-/// How a particle presses on a wall.
+/// Point and force with which a particle presses on a wall.
 #[derive(Clone, Copy, Debug)]
 pub struct PressOnWall {
-    /// Where, or where it did at the last step, seen from the centre of the particle [m].
+    /// Contact point, or the last one if they have separated, from the centre of the particle [m].
     pub point: Vec3,
     /// Force on the wall at this step [N].
     pub force: Vec3,
 }
 
-/// Contacts of this step in the order of their pairs, with what was remembered of them, and room for what a law
-/// finds. Columns that a scene does not need are empty.
+/// Contacts of this step in the order of their pairs, with their state of the last step and room for the results. Columns
+/// that a scene does not need are empty.
 #[derive(Debug)]
 pub struct Work<'a> {
     /// Their bodies.
     pub pairs: &'a [Pair],
     /// Normal and overlap of each, now.
     pub geometry: &'a [Geometry],
-    /// Where each acts, seen from the centre of A [m]; empty if all are spheres, where it follows from the overlap.
+    /// Point of each force from the centre of A [m]; empty if all particles are spheres, where it follows from the overlap.
     pub points: &'a [Vec3],
-    /// What else there is of contacts of faces; empty if no body has any.
+    /// Further geometry of contacts of faces; empty if no body has faces.
     pub patches: &'a [Patch],
-    /// How curved the bodies of each are; empty if the law does not ask.
+    /// Curvature of the bodies at each contact; empty if the law does not use it.
     pub curvatures: &'a [Curvature],
-    /// The part of the mass of its bodies that each has; empty if all have all of it.
+    /// Share of the masses of its bodies in each contact; empty if all shares are 1.
     pub shares: &'a [f64],
-    /// Where each stands among those of the last step; empty if these are the same.
+    /// Place of each among the contacts of the last step; empty if the contacts are unchanged.
     pub from: &'a [Previous],
-    /// What was remembered of those.
+    /// Contacts of the last step.
     pub last: Last<'a>,
-    /// Those that have separated since.
+    /// Contacts that have separated since the last step.
     pub separated: &'a [Separated],
-    /// Room for what the next step must know: the numbers of each, see [`ForceLaw::state`].
+    /// Room for the state of the next step: the values of each contact, see [`ForceLaw::state`].
     pub state: &'a mut [f64],
     /// Room for the forces of A on B [N].
     pub forces: &'a mut [Vec3],
 }
 
-/// What is remembered of the contacts of the last step.
+/// Contacts of the last step and their state.
 #[derive(Clone, Copy, Debug)]
 pub struct Last<'a> {
     /// Their bodies.
     pub pairs: &'a [Pair],
     /// Normals and overlaps.
     pub geometry: &'a [Geometry],
-    /// What the law remembers: the numbers of each, see [`ForceLaw::state`].
+    /// State values of each contact, see [`ForceLaw::state`].
     pub state: &'a [f64],
 }
 
-/// A contact of the last step that is none now.
+/// A contact of the last step that has ended.
 #[derive(Clone, Copy, Debug)]
 pub struct Separated {
-    /// Where it stood.
+    /// Its place among the contacts of the last step.
     pub place: usize,
-    /// How many of the contacts of now come before it.
+    /// Number of present contacts that come before it.
     pub before: usize,
 }
 
-/// Sums over the contacts of each owned particle in a step, in the order of its partners in space: the same bits on any
-/// number of ranks.
+/// Sums over the contacts of each owned particle in a step, in the spatial order of its partners. The bits do not depend on
+/// the number of ranks.
 #[derive(Debug, Default)]
 pub struct Sums {
     /// Force [N], and energy lost since the last step [J].
     force: Vec<Vec3AndNumber>,
-    /// Moment about the centre [N m], and the part of the energy that friction took [J]; none if nothing turns.
+    /// Moment about the centre [N m], and the part of the energy that friction took [J]; empty if nothing turns.
     torque: Vec<Vec3AndNumber>,
-    /// The parts of the other channels [J], see [`Quantity::OF_CONTACTS`]; none of those that the scene does not have.
+    /// Losses of the other channels [J], see [`Quantity::OF_CONTACTS`]; channels that the scene does not have are empty.
     parts: [Vec<f64>; 3],
     /// See [`Sums::on_walls`].
     on_walls: Vec<OnWall>,
@@ -138,13 +139,13 @@ pub struct Sums {
 }
 
 impl Sums {
-    /// Begins with nothing, in the room that the columns of the particles have.
+    /// Sets all sums to zero, in the memory of the particles' columns.
     pub fn begin(&mut self, particles: &mut Particles) {
         self.force = std::mem::take(&mut particles.force);
         if let Some(spin) = &mut particles.spin {
             self.torque = std::mem::take(&mut spin.torque);
         }
-        // Whoever is summed and not owned is nobody's: no sum has to ask.
+        // Rows exist for particles that are not owned, so that adding needs no test.
         for sum in [&mut self.force, &mut self.torque] {
             if !sum.is_empty() {
                 sum.clear();
@@ -166,7 +167,7 @@ impl Sums {
         self.at_walls.clear();
     }
 
-    /// Gives the particles what has been summed.
+    /// Hands the sums to the particles.
     pub fn end(&mut self, particles: &mut Particles) {
         self.gather(particles);
         self.force.truncate(particles.owned);
@@ -200,7 +201,7 @@ impl Sums {
         }
     }
 
-    /// Adds what acts on pieces to their bodies, in the order of the pieces.
+    /// Adds the forces and moments on pieces to their bodies, in the order of the pieces.
     fn gather(&mut self, particles: &Particles) {
         for (piece, body, arm) in particles.owned_pieces() {
             let of_piece = self.force[piece];
@@ -219,7 +220,8 @@ impl Sums {
         }
     }
 
-    /// Asks memory for the motion and the sums of one body of each pair: that with the later slot. The others stand side by side.
+    /// Prefetches the motion and the sums of the body with the later slot of each pair. The other bodies stand side by
+    /// side.
     pub fn prefetch(&self, pairs: &[Pair], particles: &Particles) {
         for pair in pairs {
             let later = pair.a.max(pair.b).index();
@@ -243,24 +245,24 @@ impl Sums {
             + held(&self.at_walls)
     }
 
-    /// The moment of each contact with a wall on its particle, about the particle's centre, in the order of the contacts [N m];
-    /// empty if nothing turns or no wall asks for its torque.
+    /// Moment of each contact with a wall on its particle, about the particle's centre, in the order of the contacts [N m].
+    /// Empty if nothing turns or no wall asks for its torque.
     pub fn moments_at_walls(&self) -> &[Vec3] {
         &self.at_walls
     }
 
-    /// Work and losses between walls and owned particles, in the order of the particles in space, then of the walls: all of it of walls that
-    /// [wear](crate::walls::Wall::wears), of others where they work.
+    /// Work and losses between walls and owned particles, in the order of the particles in space, then of the walls.
+    /// Complete for walls that [wear](crate::walls::Wall::wears); for other walls only entries with work.
     pub fn on_walls(&self) -> &[OnWall] {
         &self.on_walls
     }
 
-    /// How each of these particles presses; `None` if no wall wears.
+    /// Point and force of each entry of [`Sums::on_walls`]; `None` if no wall wears.
     pub fn presses_on_walls(&self) -> Option<&[PressOnWall]> {
         self.presses_on_walls.as_deref()
     }
 
-    /// Takes note of what a contact with a wall does, if the particle is owned, and the wall works in it or wears.
+    /// Records the work and losses of a contact with a wall, if the particle is owned and the wall does work or wears.
     #[inline]
     fn note_on_wall(
         &mut self,
@@ -279,7 +281,7 @@ impl Sums {
         }
     }
 
-    /// Adds what a contact lost that has separated to its particles; a wall has no share.
+    /// Adds the losses of a separated contact to its particles; a wall has no share.
     fn lose(&mut self, pair: Pair, Lost { all, of_friction, parts }: Lost, first_facet: usize) {
         let share = if pair.b.index() >= first_facet { 1.0 } else { 0.5 };
         for slot in [pair.a.index(), pair.b.index()] {
@@ -291,7 +293,7 @@ impl Sums {
         }
     }
 
-    /// Adds to the parts of what a particle has lost that the scene has [J].
+    /// Adds to the losses of a particle by channel [J], for the channels that the scene has.
     #[inline]
     fn add_parts(&mut self, slot: usize, parts: [f64; 3]) {
         for (sums, part) in self.parts.iter_mut().zip(parts) {
@@ -302,11 +304,11 @@ impl Sums {
     }
 }
 
-/// Energy that a contact has lost, or that eight have [J].
+/// Energy lost by one contact, or by eight [J].
 #[derive(Clone, Copy, Debug)]
 struct Lost<L = f64> {
     all: L,
-    /// The part of friction.
+    /// Part lost to friction.
     of_friction: L,
     /// See [`Quantity::OF_CONTACTS`].
     parts: [L; 3],
@@ -315,20 +317,20 @@ struct Lost<L = f64> {
 /// A body as a law sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
-    /// Its shape, at a scale of 1.
+    /// Shape at a scale of 1.
     pub shape: ShapeId,
     /// Lengths of the body over those of the shape [-].
     pub scale: f64,
-    /// What it is made of.
+    /// Material.
     pub material: MaterialId,
-    /// Mass; infinite of most walls, and of held particles [kg].
+    /// Mass [kg]; infinite for most walls and for held particles.
     pub mass: f64,
-    /// Bounding radius; infinite of a wall [m].
+    /// Bounding radius [m]; infinite for a wall.
     pub radius: f64,
 }
 
 impl Body {
-    /// One of a shape of a library, at a scale.
+    /// A body with a shape of a library, at a scale.
     #[inline]
     pub fn of(library: &Library, shape: ShapeId, scale: f64) -> Self {
         Self {
@@ -341,12 +343,12 @@ impl Body {
     }
 }
 
-/// How dashpots along the normal and in the contact plane act.
+/// Options of normal and tangential dashpots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Dashpots {
-    /// Normal ones never make a contact attractive.
+    /// Do normal dashpots never make a contact attractive?
     pub limited: bool,
-    /// They foresee what other contacts and fields make of velocities, see [`kernel`].
+    /// Do they use velocities predicted for the time of the positions, see [`kernel`]?
     pub foreseen: bool,
 }
 
@@ -356,19 +358,19 @@ impl Default for Dashpots {
     }
 }
 
-/// The hardest contact that a body can have with those of a material.
+/// Upper bounds of the stiffness and damping of a body's contacts with a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hardest {
     /// Stiffness, normal or tangential [N/m].
     pub stiffness: f64,
     /// Normal and tangential dashpot [N s/m].
     pub dashpots: [f64; 2],
-    /// Spring and dashpot against turning, as they act on a sphere at its surface [N/m, N s/m].
+    /// Spring and dashpot against turning, as they act at the surface of a sphere [N/m, N s/m].
     pub turning: [f64; 2],
 }
 
 impl Hardest {
-    /// Number by number with another.
+    /// Combines each number with that of another.
     fn by(&self, other: &Self, choose: fn(f64, f64) -> f64) -> Self {
         let both = |a: [f64; 2], b: [f64; 2]| [choose(a[0], b[0]), choose(a[1], b[1])];
         Self {
@@ -378,12 +380,13 @@ impl Hardest {
         }
     }
 
-    /// The softer of this and what the other body of the contact says. Springs against turning go by the body's own moments of inertia.
+    /// Smaller of each number and that of the other body. The springs against turning stay: they depend on the body's own
+    /// moments of inertia.
     fn softer(&self, back: &Self) -> Self {
         Self { turning: self.turning, ..self.by(back, f64::min) }
     }
 
-    /// With stiffnesses so many times as large. Dashpots go with the root.
+    /// Bounds with stiffnesses multiplied by `times`; dashpots grow with its square root.
     fn stiffened(&self, times: f64) -> Self {
         let root = times.sqrt();
         Self {
@@ -401,14 +404,14 @@ pub enum Choice {
     Linear(linear::Settings),
     /// Elastic bodies: Hertz, with Mindlin's friction.
     Hertz(hertz::Settings),
-    /// One of these, with more beside it.
+    /// One of these with additions.
     With(Box<Choice>, Beside),
-    /// Elastic spheres that stick: Johnson, Kendall and Roberts, with Mindlin's friction. Nothing goes beside it.
+    /// Elastic spheres that stick: Johnson, Kendall and Roberts, with Mindlin's friction. It takes no additions.
     Jkr(hertz::jkr::Settings),
 }
 
 impl Choice {
-    /// The highest coefficient of friction of two materials.
+    /// Highest coefficient of friction of any two materials.
     pub fn highest_friction(&self) -> f64 {
         match self {
             Self::Linear(law) => law.interactions.iter().map(|c| c.friction).fold(0.0, f64::max),
@@ -420,13 +423,13 @@ impl Choice {
         }
     }
 
-    /// Has it springs against rolling and twisting?
+    /// Does it have springs against rolling and twisting?
     pub const fn resists_turning(&self) -> bool {
         matches!(self, Self::With(_, Beside { turning: Some(_), .. }))
     }
 }
 
-/// What a law can have beside its forces.
+/// Additions to a law of forces.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Beside {
     /// Resistance to rolling and twisting.
@@ -436,14 +439,14 @@ pub struct Beside {
 }
 
 impl Beside {
-    /// The law of a model with all of this.
+    /// The law of a model with these additions.
     fn law<M: kernel::Model + Clone + 'static>(
         self,
         model: M,
         library: &Library,
     ) -> Box<dyn ForceLaw> {
         let Self { turning, adhesion } = self;
-        // One model for all of this takes less time to compile than one for each: what is not asked for does nothing.
+        // One model with both compiles faster than one for each; an addition that is not used has zero constants.
         let (turning, adhesion) = match (turning, adhesion) {
             (None, None) => return Box::new(kernel::Law::new(model, library)),
             (Some(turning), None) => {
@@ -473,7 +476,7 @@ impl Choice {
         }
     }
 
-    /// The law of its forces alone.
+    /// The law of forces without additions.
     pub fn forces(&self) -> &Self {
         match self {
             Self::With(forces, _) => forces.forces(),
@@ -481,7 +484,7 @@ impl Choice {
         }
     }
 
-    /// The farthest gap over which contacts of spheres up to a radius [m] last, once they are made [m].
+    /// Largest gap over which existing contacts of spheres up to a radius [m] last [m].
     pub fn reach(&self, largest_radius: f64) -> f64 {
         match self.forces() {
             Self::Jkr(settings) => settings.reach(largest_radius),
@@ -489,7 +492,7 @@ impl Choice {
         }
     }
 
-    /// The settings of elastic bodies, to change them; `None` of another law.
+    /// Mutable settings of elastic bodies; `None` for another law.
     pub fn hertz_mut(&mut self) -> Option<&mut hertz::Settings> {
         match self {
             Self::Linear(_) => None,
@@ -499,7 +502,7 @@ impl Choice {
         }
     }
 
-    /// The settings of linear contacts; `None` of another law.
+    /// Settings of linear contacts; `None` for another law.
     pub fn linear(&self) -> Option<&linear::Settings> {
         match self.forces() {
             Self::Linear(settings) => Some(settings),
@@ -508,25 +511,27 @@ impl Choice {
     }
 }
 
-/// Words about a law, and the hardest contact that it makes. A model around another one says the same, unless it has more to say.
+/// Texts about a law, and its hardest contact. A model around another one returns the values of the inner model unless it
+/// overrides them.
 pub trait About: Send + Sync {
-    /// The model within.
+    /// The inner model.
     fn within(&self) -> Option<&dyn About> {
         None
     }
 
-    /// As reports name it.
+    /// Name in reports.
     fn name(&self) -> &'static str;
 
-    /// The hardest contact of a body with those of a material, with this reduced mass at most [kg].
+    /// Hardest contact of a body with bodies of a material, up to this reduced mass [kg].
     fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest;
 
-    /// The overlap over the radius of the smaller body up to which [`About::hardest`] holds; `None` if it holds for all.
+    /// Largest overlap, over the radius of the smaller body, for which [`About::hardest`] holds; `None` if it holds for
+    /// all.
     fn hardest_up_to(&self) -> Option<f64> {
         self.within()?.hardest_up_to()
     }
 
-    /// By how much contacts of bodies of a library stiffen from there to another overlap, at most [-]; by default with its root.
+    /// Largest factor by which contacts stiffen from there to another overlap [-]; by default with its root.
     fn stiffens(&self, overlap: f64, library: &Library) -> f64 {
         match self.within() {
             Some(model) => model.stiffens(overlap, library),
@@ -534,21 +539,21 @@ pub trait About: Send + Sync {
         }
     }
 
-    /// The largest gap at which a contact ends that has once been made, among bodies of a library: so far beyond their surfaces pairs are
-    /// listed [m].
+    /// Largest gap at which an existing contact between bodies of a library ends [m]. Pairs are listed up to this distance
+    /// between surfaces.
     fn reach(&self, library: &Library) -> f64 {
         self.within().map_or(0.0, |model| model.reach(library))
     }
 
-    /// The constants of a contact between two materials in words.
+    /// Constants of a contact between two materials, as text.
     fn words(&self, a: MaterialId, b: MaterialId) -> String;
 
-    /// Where it departs from its formulas, a sentence each.
+    /// Ranges in which the law departs from its formulas, a sentence each.
     fn limits(&self) -> Vec<String> {
         self.within().map_or_else(Vec::new, About::limits)
     }
 
-    /// What the scene does not need of it, and why.
+    /// Parts of the law that the scene does not need, with reasons.
     fn left_out(&self) -> Vec<&'static str> {
         self.within().map_or_else(Vec::new, About::left_out)
     }
@@ -556,20 +561,20 @@ pub trait About: Send + Sync {
 
 /// A law of contact forces, as the rest of the program sees it.
 pub trait ForceLaw: Send + Sync {
-    /// Words about it.
+    /// Texts about the law.
     fn about(&self) -> &dyn About;
 
-    /// Which columns of particles it reads.
+    /// Columns of particles that it reads.
     fn needs(&self) -> Needs;
 
-    /// What it remembers of a touching contact. Whoever carries, saves and compares it follows this list.
+    /// State columns of a touching contact. Migration, snapshots and comparisons follow this list.
     fn state(&self) -> &[StateColumn];
 
-    /// Finds the forces of contacts and what the next step must remember of them, and sums what they do to their bodies. `dt`
-    /// [s] is 0 at the start of a stage: springs do not stretch, and nothing is lost.
+    /// Finds the forces of contacts and their new state, and adds the results to the sums of bodies. `dt` [s] is 0 at the
+    /// start of a stage: springs do not stretch, and nothing is lost.
     fn apply(&self, work: &mut Work, particles: &Particles, dt: f64, sums: &mut Sums);
 
-    /// The normal force of a contact whose force has been found [N].
+    /// Normal force of a contact whose force has been found [N].
     fn normal_force(
         &self,
         pair: Pair,
@@ -578,17 +583,16 @@ pub trait ForceLaw: Send + Sync {
         state: &[f64],
     ) -> f64;
 
-    /// The normal force that the law makes of normal and overlap alone, without dashpots [N].
+    /// Normal force from normal and overlap alone, without dashpots [N].
     fn elastic(&self, pair: Pair, particles: &Particles, geometry: &Geometry) -> f64;
 
     /// Elastic energy of a contact [J].
     fn stored(&self, pair: Pair, particles: &Particles, geometry: &Geometry, state: &[f64]) -> f64;
 
-    /// How much the normal force of a contact rises when its bodies come nearer within one step of
-    /// `dt` [s], over the way [N/m].
+    /// Rise of the normal force of a contact over the way, when its bodies approach within one step of `dt` [s], in N/m.
     fn stiffness(&self, pair: Pair, particles: &Particles, geometry: &Geometry, dt: f64) -> f64;
 
-    /// The gap at which a contact ends that has once been made [m].
+    /// Gap at which an existing contact ends [m].
     fn outlives(&self, _pair: Pair, _particles: &Particles) -> f64 {
         0.0
     }

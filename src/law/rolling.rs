@@ -1,24 +1,26 @@
-//! Resistance to rolling and twisting: springs with a limit that any model of forces can have beside it.
+//! Resistance to rolling and twisting: springs with a limit, to add to any model of forces.
 //!
-//! Where A turns against B with `ω = ω_A - ω_B`, an angle `θ` grows by `ω dt`. Its part in the contact plane is rolling, the
-//! part along the normal is twisting. Each resists with a moment
+//! Where A turns against B with `ω = ω_A - ω_B`, an angle `θ` grows by `ω dt`. Its part in the contact plane is rolling,
+//! the part along the normal is twisting. Each resists with a moment
 //!
 //! `M = k θ + c ω`, at most `μ R_r N`, with `k = 2.25 k_n (μ R_r)²` and `c = 2 η √(I k)`.
 //!
-//! That is the elastic-plastic spring of type C of Ai, Chen, Rotter and Ooi (2011, DOI 10.1016/j.powtec.2010.09.030, section
-//! 3.3) with their stiffness, and the same for twisting.
+//! This is the elastic-plastic spring of type C of Ai, Chen, Rotter and Ooi (2011, DOI 10.1016/j.powtec.2010.09.030,
+//! section 3.3) with their stiffness, used for twisting too.
 //!
-//! - `1/R_r = 1/R_A + 1/R_B` with the bounding radii, whatever the shapes; of a wall it is the radius of the particle.
-//! - `k_n` is the normal force without dashpots over the overlap: the stiffness of a linear spring, `4/3 E* √(R* δ)` of Hertz.
-//! - `1/I` is the sum of `1 / (7/5 m R²)` of both bodies for rolling, of `1 / (2/5 m R²)` for twisting: those of spheres.
+//! - `1/R_r = 1/R_A + 1/R_B` with the bounding radii, for any shapes; at a wall it is the radius of the particle.
+//! - `k_n` is the normal force without dashpots over the overlap: the stiffness of a linear spring, `4/3 E* √(R* δ)` of
+//!   Hertz.
+//! - `1/I` is the sum of `1 / (7/5 m R²)` of both bodies for rolling, of `1 / (2/5 m R²)` for twisting: the values of
+//!   spheres.
 //! - `N` is the normal force of the model, dashpot included.
 //!
-//! Both `k θ` and the sum are cut to the limit: at the limit of the spring the dashpot can only take from the moment, and nothing
-//! jumps where rolling begins or ends. Where the stiffness grows the moment stays, where it falls the angle stays: no energy
-//! comes from nowhere.
+//! Both `k θ` and the sum are cut to the limit. At the limit of the spring the dashpot can only reduce the moment, and
+//! nothing jumps where rolling begins or ends. Where the stiffness grows the moment stays, where it falls the angle stays,
+//! so that no energy is created.
 //!
-//! Relative angular velocities are the same for all observers, also for those who turn, and for bodies of any sizes. The part
-//! in the plane is carried along as tangential springs are.
+//! Relative angular velocities do not depend on the observer, even a rotating one, nor on the sizes of the bodies. The part
+//! in the plane is carried along like tangential springs.
 //!
 //! In contacts of faces and straight sides friction resists twisting through their extent (see [`Turning`]): the twisting
 //! spring is left out there.
@@ -36,12 +38,12 @@ use crate::population::Library;
 use crate::shape::Shape;
 use serde::{Deserialize, Serialize};
 
-/// The constants of a contact between two materials; by default nothing resists.
+/// Constants of a contact between two materials; by default nothing resists.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Constants {
     /// Moment over `R_r N` at the limit of rolling [-].
     pub rolling_friction: f64,
-    /// The same of twisting [-].
+    /// Moment over `R_r N` at the limit of twisting [-].
     pub twisting_friction: f64,
     /// Damping ratio `η` of both dashpots [-].
     pub damping_ratio: f64,
@@ -72,30 +74,30 @@ const ABOUT_CENTRE: f64 = 0.4;
 const ROLLED: StateColumn = StateColumn::new("rolled", 3, "rad");
 /// Angle by which A has twisted against B about the normal.
 const TWISTED: StateColumn = StateColumn::new("twisted", 1, "rad");
-/// Normal stiffness `k_n` of the last touch: angles and this have the energy.
+/// Normal stiffness `k_n` of the last touch, which gives the energy together with the angles.
 const NORMAL_STIFFNESS: StateColumn = StateColumn::new("turning_load_stiffness", 1, "N/m");
-/// All of the moment of the last touch: where there are dashpots, or where twisting has made a part of it.
+/// Whole moment of the last touch, if there are dashpots or twisting contributes to it.
 const MOMENT: StateColumn = StateColumn::new("turning_moment", 3, "N m");
 
-/// A model of forces, with resistance to rolling and twisting.
+/// Model of forces with resistance to rolling and twisting.
 #[derive(Clone, Debug)]
 pub struct Rolling<M> {
     forces: M,
     interactions: Interactions,
-    /// Does any contact resist rolling, or twisting?
+    /// Does any contact resist rolling, and twisting?
     rolls: bool,
     twists: bool,
     /// Is the moment remembered?
     remembers: bool,
     state: Vec<StateColumn>,
-    /// Numbers in it before those of the forces.
+    /// Number of its values before those of the forces.
     own: usize,
-    /// Of each shape, the moment of inertia of a sphere of its mass and bounding radius over its own least one [-].
+    /// Moment of inertia of a sphere of the shape's mass and bounding radius over the shape's smallest one [-], by shape.
     inertia_ratio: Vec<f64>,
 }
 
 impl<M: Model> Rolling<M> {
-    /// Beside these forces.
+    /// Adds resistance to these forces.
     pub fn new(forces: M, interactions: Interactions, library: &Library) -> Self {
         let any = |holds: fn(Constants) -> bool| interactions.iter().any(holds);
         let rolls = any(|c| c.rolling_friction > 0.0);
@@ -113,19 +115,19 @@ impl<M: Model> Rolling<M> {
         state.extend_from_slice(forces.state());
         let inertia_ratio = |shape: &Shape| {
             let of_sphere = 0.4 * shape.bounding_radius() * shape.bounding_radius();
-            // Of walls nothing turns.
+            // Walls do not turn.
             if shape.kind().is_of_walls() { 1.0 } else { of_sphere / shape.gyration().min() }
         };
         let inertia_ratio = library.shapes.iter().map(inertia_ratio).collect();
         Self { forces, interactions, rolls, twists, remembers, state, own, inertia_ratio }
     }
 
-    /// Does anything resist?
+    /// Does any contact resist turning?
     fn turns(&self) -> bool {
         self.rolls || self.twists
     }
 
-    /// What is remembered of turning.
+    /// State of turning.
     #[inline(always)]
     fn read<L: Lanes>(&self, state: &[L]) -> Turned<L> {
         let zero = L::all(0.0);
@@ -168,7 +170,7 @@ impl<M: Model> Rolling<M> {
         }
     }
 
-    /// Normal force without dashpots over the overlap; 0 where there is none [N/m].
+    /// Normal force without dashpots over the overlap [N/m]; 0 without overlap.
     #[inline(always)]
     fn stiffness_of<L: Lanes>(&self, constants: &Resisting<M::Constants<L>, L>, overlap: L) -> L {
         let zero = L::all(0.0);
@@ -177,20 +179,20 @@ impl<M: Model> Rolling<M> {
     }
 }
 
-/// How A has turned against B.
+/// State of A's turning against B.
 #[derive(Clone, Copy, Debug)]
 struct Turned<L> {
-    /// In the contact plane [rad].
+    /// Rolling angle in the contact plane [rad].
     rolled: Triple<L>,
-    /// About the normal [rad].
+    /// Twisting angle about the normal [rad].
     twisted: L,
-    /// Of the normal force [N/m].
+    /// Stiffness of the normal force [N/m].
     stiffness: L,
-    /// Of A on B at the last touch, if it is remembered [N m].
+    /// Moment of A on B at the last touch, if it is remembered [N m].
     moment: Triple<L>,
 }
 
-/// Rolling, or twisting.
+/// Spring against rolling or twisting.
 #[derive(Clone, Copy, Debug)]
 struct Spring<L> {
     /// Largest moment over the normal force, `μ R_r` [m].
@@ -202,11 +204,11 @@ struct Spring<L> {
 }
 
 impl Spring<f64> {
-    /// With a friction, and moments of inertia of bodies over `m R²` [-].
+    /// Spring with a friction coefficient, and moments of inertia of bodies over `m R²` [-].
     fn new(friction: f64, damping_ratio: f64, [a, b]: [&Body; 2], inertia: f64) -> Self {
         let lever = friction / (1.0 / a.radius + 1.0 / b.radius);
         let stiffness = STIFFNESS * lever * lever;
-        // A wall is infinitely heavy, or at least infinitely large.
+        // For a wall the inverse is 0, by its mass or its radius.
         let inverse = |body: &Body| 1.0 / (inertia * body.mass * body.radius * body.radius);
         let critical = 2.0 * (stiffness / (inverse(a) + inverse(b))).sqrt();
         Self { lever, stiffness, dashpot: damping_ratio * critical }
@@ -223,7 +225,7 @@ impl<L: Lanes> Spring<L> {
         }
     }
 
-    /// The moment of A on B [N m], and the angle that is left of this one.
+    /// Moment of A on B [N m], and the angle left within the limit.
     #[inline(always)]
     fn resist(
         &self,
@@ -245,24 +247,24 @@ impl<L: Lanes> Spring<L> {
     }
 }
 
-/// The part of a vector that is no longer than the limit.
+/// Factor that cuts a vector to the limit.
 #[inline(always)]
 fn part_within<L: Lanes>(vector: Triple<L>, limit: L) -> L {
     let size = vector.dot(vector).sqrt();
     (limit / size).or(L::all(1.0), limit.less(size))
 }
 
-/// What presses.
+/// Normal force and stiffness of a contact.
 #[derive(Clone, Copy)]
 struct Load<L> {
-    /// Normal force, 0 where it pulls [N].
+    /// Normal force [N]; 0 where it pulls.
     press: L,
-    /// Its stiffness [N/m], and the root of that.
+    /// Its stiffness [N/m], and the square root of the stiffness.
     stiffness: L,
     root: L,
 }
 
-/// Constants of a contact: those of the forces, and the springs.
+/// Constants of a contact: those of the forces, and both springs.
 #[derive(Clone, Copy, Debug)]
 pub struct Resisting<C, L> {
     forces: C,
@@ -281,7 +283,7 @@ impl<C, L: Lanes> Resisting<C, L> {
     }
 }
 
-/// Constants of the forces beneath.
+/// Access to the constants of the forces.
 struct OfForces<'a, S>(&'a S);
 
 impl<C, L, S: Spread<Resisting<C, f64>, L>> Spread<C, L> for OfForces<'_, S> {
@@ -310,8 +312,8 @@ impl<M: Model> About for Rolling<M> {
         self.forces.name()
     }
 
-    /// A spring against turning acts like one in the plane at the surface: `k / R²`, and there are no larger `R_r` than the
-    /// radius. About each axis there is rolling or twisting. Bodies that turn more easily than a sphere feel it the more.
+    /// A spring against turning acts like a tangential one at the surface: `k / R²`, where `R_r` is at most the radius.
+    /// About each axis there is rolling or twisting. Bodies with smaller moments of inertia than a sphere feel it more.
     fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
         let mut hardest = self.forces.hardest(body, other, reduced_mass);
         let (normal, inertia_ratio) = (hardest.stiffness, self.inertia_ratio[body.shape.index()]);
@@ -425,12 +427,12 @@ impl<M: Model> Model for Rolling<M> {
         let stiffness = self.stiffness_of(constants, contact.overlap);
         let press = action.press.or(zero, zero.less(action.press));
         let load = Load { press, stiffness, root: stiffness.sqrt() };
-        // Where the contact has become stiffer the moment stays, and the angle does not.
+        // Where the contact has become stiffer the moment stays, and the angle shrinks.
         let mut turned = self.read(own);
         let stiffer = turned.stiffness.less(stiffness);
         let one = L::all(1.0);
         let kept = (turned.stiffness / stiffness).or(one, stiffer);
-        // On the way there it was less stiff, by Hertz's law.
+        // The stiffness during the step was lower, by Hertz's law.
         let mean = mean_while_growing(one - kept).or(one, touched & stiffer);
         let lasted = lasted * mean;
         turned.stiffness = stiffness;
@@ -467,7 +469,7 @@ impl<M: Model> Model for Rolling<M> {
         constants.stored(&self.read(state))
     }
 
-    /// Whatever forces do in the plane, moments are there.
+    /// Moments can dissipate even where tangential forces cannot.
     #[inline(always)]
     fn dissipates<L: Lanes>(&self, constants: &Self::Constants<L>) -> [u8; 2] {
         let [normally, _] = self.forces.dissipates(&constants.forces);

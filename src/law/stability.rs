@@ -1,33 +1,33 @@
-//! The largest stable time step.
+//! Largest stable time step.
 //!
-//! The leapfrog of [`dem_grains::motion`] is stable up to `Δt = 2 / ω` for the highest frequency `ω` of
-//! the assembly. By Gershgorin's circles, `ω² <= 2 k C / m` for a body with `C` contacts of stiffness
-//! `k`; a contact far from the centre also turns the body, which makes its surface
-//! [`Shape::surface_compliance`](crate::shape::Shape::surface_compliance) times as compliant as its
-//! centre, 3.5 for a sphere. No motion moves all contacts around a body like its most compliant: where spheres turn against
-//! all their neighbours it is 5/3 in the mean, and that part is taken of every shape's.
+//! The leapfrog of [`dem_grains::motion`] is stable up to `Δt = 2 / ω` for the highest frequency `ω` of the assembly. By
+//! Gershgorin's circles, `ω² <= 2 k C / m` for a body with `C` contacts of stiffness `k`. A contact far from the centre
+//! also turns the body. This makes its surface [`Shape::surface_compliance`](crate::shape::Shape::surface_compliance) times
+//! as compliant as its centre, 3.5 for a sphere. No motion moves all contacts of a body like the most compliant one: where
+//! spheres turn against all their neighbours the mean is 5/3. This ratio is applied to every shape.
 //!
-//! A dashpot `c` feels the velocity of half a step before: with `γ <= 2 c C / m`, found like `ω²`, the step is stable
-//! while `ω² Δt² + 2 γ Δt < 4`. Where velocities are foreseen ([`super::kernel`]) tangential dashpots count 1.2 times. The faster a mode, the more of critical damping it has: tangential dashpots of half of it
-//! for a pair take four fifths of the step of a packed bed. Those along the normals do less: a motion feels a third of
-//! them, and they turn a body by no more than its flatness lets them. Partners are taken as heavy as the heaviest grain;
-//! walls are few.
+//! A dashpot `c` acts on the velocity of half a step before: with `γ <= 2 c C / m`, found like `ω²`, the step is stable
+//! while `ω² Δt² + 2 γ Δt < 4`. With predicted velocities ([`super::kernel`]) tangential dashpots count 1.2 times. The
+//! damping ratio of a mode grows with its frequency: tangential dashpots of half the critical damping of a pair reduce the
+//! step of a packed bed by four fifths. Normal dashpots have less effect: a motion feels a third of them, and they turn a
+//! body only as far as it is not round. Partners are assumed to be as heavy as the heaviest particle; walls are few.
 //!
-//! Where a side is flat the contact point runs over it when the body turns: with the radius of curvature `ρ` there, a
-//! force `F` turns it back with the stiffness `F ρ`. Overlaps are some thousandths of a size, so that for bodies as flat as
-//! discs of 5:1 this is hundredths of `k` and changes nothing. Sides of blunt superellipsoids are flat to rounding in
-//! their middle, and no step is short enough there: see [`lost_levers`].
+//! Where a side is flat the contact point runs over it when the body turns: with the radius of curvature `ρ` there, a force
+//! `F` turns it back with the stiffness `F ρ`. Overlaps are some thousandths of a size. So even for discs of 5:1 this is
+//! hundredths of `k` and is neglected. Sides of blunt superellipsoids are flat to rounding in their middle, and no step is
+//! short enough there: see [`lost_levers`].
 //!
-//! Contacts are as stiff as those of the bodies that meet: for each material that bodies can have, as many contacts as there can be
-//! such bodies and as fit around the body, the stiffest first. Equal spheres are [`CONTACTS`]; smaller ones more, as many more as
-//! their caps fit on its surface; six are walls, which do not move away and so count half. A few contacts alone can
-//! move together: then each counts with its whole compliance.
+//! The number and stiffness of contacts follow from the bodies that can meet. For each material of other bodies, contacts
+//! are counted up to the number of such bodies and up to the number that fits around the body, the stiffest first. Equal
+//! spheres fit [`CONTACTS`] times, smaller ones more often by the area of their caps on its surface. Six contacts are with
+//! walls, which do not move and so count half. A few contacts alone can move together: each of them counts with its whole
+//! compliance.
 //!
-//! Of particles of many sizes the smallest and the largest of each shape are looked at, each among the heaviest and the
-//! smallest of a material. A contact is no stiffer than on a plane for the stiffer one of its bodies.
+//! For particles of many sizes the smallest and the largest of each shape are considered, each among the heaviest and the
+//! smallest of a material. A contact is no stiffer than that with a plane for the stiffer one of its bodies.
 //!
-//! More contacts than that at full stiffness would need a shorter step; fewer is the rule, and the bound is then on the safe side.
-//! Before a run ends for it, [`limit_of_contacts`] looks at the contacts that are there.
+//! More contacts than that at full stiffness would need a shorter step; usually there are fewer, and the bound is safe.
+//! Before a run is stopped for its step, [`limit_of_contacts`] checks the actual contacts.
 
 use super::{Body, ForceLaw, Hardest};
 use crate::contact::{Geometry, Pair};
@@ -41,33 +41,33 @@ use std::collections::BTreeMap;
 /// Contacts per particle in the estimate: those of the densest packing of spheres.
 pub const CONTACTS: f64 = 12.0;
 
-/// Contacts with walls in the estimate, each like one with a partner: twelve walls all around.
+/// Contacts with walls in the estimate, each counted like one with a particle: twelve walls all around.
 const OF_WALLS: f64 = 6.0;
 
-/// Compliance of a sphere's surface in the motion that strains all contacts most, over that at a single one.
+/// Compliance of a sphere's surface in the motion that strains all contacts most, over that at a single contact.
 const TOGETHER: f64 = (5.0 / 3.0) / 3.5;
 
-/// Part of the dashpots along the normals that a motion feels.
+/// Part of the normal dashpots that a motion feels.
 const ALONG_NORMALS: f64 = 1.0 / 3.0;
 
-/// A bound of the time step, and what sets it.
+/// Bound of the time step, and the body and contact that set it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeStepLimit {
-    /// The largest stable step [s].
+    /// Largest stable step [s].
     pub dt: f64,
-    /// The shape with the highest frequency.
+    /// Shape with the highest frequency.
     pub shape: ShapeId,
     /// Its mass [kg].
     pub mass: f64,
-    /// The stiffness of the contacts that count most in it [N/m].
+    /// Stiffness of its contacts that count most [N/m].
     pub stiffness: f64,
-    /// What they are with.
+    /// Partner in these contacts.
     pub partner: Partner,
-    /// The overlap over the radius of the smaller body at which they have it [-]; `None` if they have it at any.
+    /// Overlap over the radius of the smaller body at which they have this stiffness [-]; `None` if at any.
     pub overlap: Option<f64>,
 }
 
-/// Bodies of one material that others touch.
+/// Contact partners of one material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Partner {
     /// Particles.
@@ -85,7 +85,7 @@ impl Partner {
 }
 
 impl TimeStepLimit {
-    /// What sets it, but for the name of the shape.
+    /// Text about the body and contact that set the limit, without the name of the shape.
     #[must_use]
     pub fn words(&self, library: &Library) -> String {
         let overlap = self.overlap.map_or_else(String::new, |overlap| {
@@ -105,18 +105,18 @@ impl TimeStepLimit {
     }
 }
 
-/// The bodies of a partner.
+/// Bodies of a partner.
 #[derive(Clone, Copy, Debug)]
 struct Kin {
-    /// How many there can be.
+    /// Largest number of them.
     most: f64,
-    /// The least cube root of a volume [m].
+    /// Smallest cube root of a volume [m].
     smallest: f64,
-    /// The least and the largest mass [kg].
+    /// Smallest and largest mass [kg].
     masses: [f64; 2],
 }
 
-/// What bodies can touch in a library, particles that are none left out.
+/// Bodies that can be touched in a library; shapes without particles are left out.
 fn kin(library: &Library) -> BTreeMap<Partner, Kin> {
     let mut all = BTreeMap::new();
     for &material in &library.materials[library.facets()] {
@@ -141,12 +141,12 @@ fn kin(library: &Library) -> BTreeMap<Partner, Kin> {
     all
 }
 
-/// The cube root of the volume of a body [m].
+/// Cube root of the volume of a body [m].
 fn size(library: &Library, body: &Body) -> f64 {
     libm::cbrt(library.shapes[body.shape.index()].volume()) * body.scale
 }
 
-/// The reduced mass of two bodies of which one may be a wall or held [kg].
+/// Reduced mass of two bodies, one of which may be a wall or held [kg].
 fn reduced(mass: f64, other: f64) -> f64 {
     if other.is_infinite() {
         mass
@@ -157,17 +157,17 @@ fn reduced(mass: f64, other: f64) -> f64 {
     }
 }
 
-/// What bodies of one material touch.
+/// Contacts of the bodies of one material.
 struct Contacts<'a> {
     law: &'a dyn ForceLaw,
     kin: &'a BTreeMap<Partner, Kin>,
     material: MaterialId,
-    /// The hardest contacts of particles of other materials with it, in the order of materials.
+    /// Hardest contacts of particles of other materials with it, in the order of materials.
     back: Vec<(MaterialId, Hardest)>,
 }
 
 impl<'a> Contacts<'a> {
-    /// Of the bodies of a material, among all that move, in the order of materials.
+    /// Contacts of the bodies of a material, among all moving bodies in the order of materials.
     fn of(
         material: MaterialId,
         all: &[(usize, Body)],
@@ -187,13 +187,13 @@ impl<'a> Contacts<'a> {
         contacts
     }
 
-    /// On a plane of a material, with the heaviest of its bodies.
+    /// Contact with a plane of a material, with the heaviest of its bodies.
     fn on_plane(&self, body: &Body, partner: Partner, kin: &Kin) -> Hardest {
         let [_, heaviest] = kin.masses;
         self.law.about().hardest(body, partner.material(), reduced(body.mass, heaviest))
     }
 
-    /// Of a body with those of a partner.
+    /// Contact of a body with those of a partner.
     fn hardest(&self, body: &Body, partner: Partner, kin: &Kin) -> Hardest {
         let own = self.on_plane(body, partner, kin);
         let Partner::Particles(material) = partner else { return own };
@@ -201,7 +201,7 @@ impl<'a> Contacts<'a> {
         back.map_or(own, |at| own.softer(&self.back[at].1))
     }
 
-    /// How many of a partner there can be around a body, and fit around one of its size [m].
+    /// Number of bodies of a partner that there can be around a body, and number that fits around one of its size [m].
     fn count(&self, own_size: f64, partner: Partner, kin: &Kin) -> [f64; 2] {
         let itself = if partner == Partner::Particles(self.material) { 1.0 } else { 0.0 };
         let fit = match partner {
@@ -216,33 +216,34 @@ fn of_one_material((_, a): &(usize, Body), (_, b): &(usize, Body)) -> bool {
     a.material == b.material
 }
 
-/// Bodies that are not held. A held one has no period.
+/// Bodies that are not held; held bodies do not oscillate.
 fn moving(library: &Library) -> impl Iterator<Item = Body> + '_ {
     bodies(library).filter(|body| body.mass.is_finite())
 }
 
-/// How many bodies of a size [m] fit around one of another.
+/// Number of partners of one size [m] that fit around a body of another.
 fn fit(size: f64, partners: f64) -> f64 {
     CONTACTS * (0.5 * (1.0 + size / partners)).powi(2)
 }
 
-/// Particles that bound all others, shapes of which there are none left out.
+/// Smallest and largest particles of each shape; shapes without particles are left out.
 fn bodies(library: &Library) -> impl Iterator<Item = Body> + '_ {
     let is_there = |&(shape, _): &(ShapeId, f64)| library.most[shape.index()] > 0.0;
     library.extremes().filter(is_there).map(|(shape, scale)| Body::of(library, shape, scale))
 }
 
-/// Contacts of a body with bodies of one kind.
+/// Contacts of a body with bodies of one partner.
 struct Around {
-    /// How many there can be.
+    /// Largest number of contacts.
     most: f64,
-    /// How many fit, were there no others.
+    /// Number that fits if there are no others.
     fit: f64,
     each: Hardest,
     with: Partner,
 }
 
-/// The most that contacts of a body sum up to, and those that add most to it. A part of those that fit counts, with the whole of what each adds.
+/// Largest sum of `adds` over the contacts of a body, and the partner that adds most. Only the given part of the contacts
+/// that fit counts, but each with its whole value.
 fn fullest(part: f64, around: &[Around], adds: fn(&Hardest) -> f64) -> (f64, Option<Partner>) {
     let mut contacts: Vec<(&Around, f64)> =
         around.iter().map(|contacts| (contacts, adds(&contacts.each))).collect();
@@ -260,7 +261,7 @@ fn fullest(part: f64, around: &[Around], adds: fn(&Hardest) -> f64) -> (f64, Opt
     (sum, largest.1)
 }
 
-/// The stable step of a body with these contacts [s], and those that count most.
+/// Stable step of a body with these contacts [s], and the partner that counts most.
 fn stable_step(library: &Library, body: &Body, around: &[Around]) -> (f64, Option<Partner>) {
     let (stiffness, partner) = fullest(TOGETHER, around, |h| h.stiffness + h.turning[0]);
     let (tangential, _) = fullest(TOGETHER, around, |h| h.dashpots[1] + h.turning[1]);
@@ -274,8 +275,8 @@ fn stable_step(library: &Library, body: &Body, around: &[Around]) -> (f64, Optio
     (4.0 / (rate + (rate * rate + 4.0 * frequency_squared).sqrt()), partner)
 }
 
-/// Something of each body that moves and what it touches, with its place among all. What others do to a material is held for one material at a
-/// time.
+/// Applies `find` to each moving body and its contacts; each result comes with its place among all. The contacts with other
+/// materials are held for one material at a time.
 fn of_each<T>(
     library: &Library,
     law: &dyn ForceLaw,
@@ -292,7 +293,7 @@ fn of_each<T>(
     found
 }
 
-/// The limit over all shapes of particles; `None` if nothing can push them.
+/// Limit over all shapes of particles; `None` if no contact can push them.
 pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStepLimit> {
     let all = of_each(library, law, |body, contacts| limit_of(library, body, contacts));
     let limits = all.into_iter().filter_map(|(place, limit)| Some((place, limit?)));
@@ -300,7 +301,7 @@ pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStep
     shortest.map(|(_, limit)| limit)
 }
 
-/// The limit of one body; `None` if nothing can push it.
+/// Limit of one body; `None` if no contact can push it.
 fn limit_of(library: &Library, body: &Body, contacts: &Contacts) -> Option<TimeStepLimit> {
     let own_size = size(library, body);
     let around = |(&with, kin): (&Partner, &Kin)| {
@@ -322,8 +323,8 @@ fn limit_of(library: &Library, body: &Body, contacts: &Contacts) -> Option<TimeS
     })
 }
 
-/// The limit with the contacts of this rank's particles as they are [s], and the largest overlap over the radius of the smaller body
-/// at the particle that sets it; infinite where nothing touches.
+/// Limit with the present contacts of this rank's particles [s], infinite without contacts. The second value is the largest
+/// overlap, over the radius of the smaller body, at the particle that sets it.
 pub fn limit_of_contacts<'a>(
     particles: &Particles,
     contacts: impl Iterator<Item = (Pair, &'a Geometry)>,
@@ -363,17 +364,17 @@ pub fn limit_of_contacts<'a>(
     limits.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, 0.0))
 }
 
-/// The part of the stable limit that a program's own step takes [-].
+/// Part of the stable limit that an automatic step uses [-].
 const OWN: f64 = 0.8;
 
-/// The program's own step for a stable limit [s], by its decimal digits: the number that is printed is the number itself. Rounding goes up
-/// by 4 % at most.
+/// Automatic step for a stable limit [s]. It is rounded to two decimal digits, so that the printed number is exact;
+/// rounding adds up to 4 %.
 pub fn own_step(limit: f64) -> f64 {
     format!("{:.1e}", OWN * limit).parse().unwrap_or(OWN * limit)
 }
 
-/// The highest frequency at which two bodies oscillate on the spring of one contact, without dashpots [rad/s]: `√(k / m)` with
-/// the largest stiffness that they can have and the reduced mass of a body and the lightest of its partners. `None` if nothing pushes.
+/// Highest frequency at which two bodies oscillate on the spring of one contact, without dashpots [rad/s]: `√(k / m)`. `k`
+/// is their largest stiffness, `m` the reduced mass of a body and its lightest partner. `None` if no contact can push.
 pub fn highest_frequency(library: &Library, law: &dyn ForceLaw) -> Option<f64> {
     let of_body = |body: &Body, contacts: &Contacts| {
         let squared = contacts.kin.iter().filter_map(|(&partner, kin)| {
@@ -389,14 +390,14 @@ pub fn highest_frequency(library: &Library, law: &dyn ForceLaw) -> Option<f64> {
     (highest > 0.0).then(|| highest.sqrt())
 }
 
-/// How far from the middle of a side, over the half length of the body, a contact rocks it faster than steps of `dt` [s] can
-/// follow; 0 where they always can. `acceleration` is that of the load, as gravity is [m/s²]; `scale` is the size of the body
-/// over that of its shape.
+/// Distance from the middle of a side within which a contact rocks a body faster than steps of `dt` [s] can follow, over
+/// the half length of the body. It is 0 if there is none. `acceleration` is that of the load, like gravity [m/s²]. `scale`
+/// is the size of the body over that of its shape.
 ///
-/// A body on a plane that is tilted by `θ` from a flat side is turned back by its load `N` with the lever `x(θ)`, about the
-/// contact, where its moment of inertia is `I`. The leapfrog follows that while `N x dt² / (I θ) < 4`. Towards the middle
-/// `x / θ` grows to the radius of curvature, which is infinite in the middle of any side of a superellipsoid with an exponent
-/// below 1: there the body is heated, which amounts to little where the part is small.
+/// A body on a plane, tilted by `θ` from a flat side, is turned back by its load `N` with the lever `x(θ)` about the
+/// contact. `I` is its moment of inertia about the contact. The leapfrog follows that while `N x dt² / (I θ) < 4`. Towards
+/// the middle `x / θ` grows to the radius of curvature. It is infinite in the middle of any side of a superellipsoid with
+/// an exponent below 1. There the integration adds energy to the body, which is negligible where the distance is small.
 pub fn lost_levers(shape: &Shape, scale: f64, acceleration: f64, dt: f64) -> f64 {
     let sides = (0..3).flat_map(|axis| {
         let [side, along, across] = [0, 1, 2].map(|k| Vec3::ith((axis + k) % 3, 1.0));
@@ -406,7 +407,7 @@ pub fn lost_levers(shape: &Shape, scale: f64, acceleration: f64, dt: f64) -> f64
     sides.map(|(side, along)| lost_lever(shape, &side, &along, rate)).fold(0.0, f64::max)
 }
 
-/// The same of one side, in one direction along it. `rate` has the square of the step in it [m].
+/// Distance for one side, in one direction along it. `rate` contains the square of the step [m].
 fn lost_lever(shape: &Shape, side: &Vec3, along: &Vec3, rate: f64) -> f64 {
     let axis = side.cross(along);
     let inertia = axis.dot(&(Mat3::from_diagonal(&shape.gyration()) * axis));

@@ -1,4 +1,4 @@
-//! From a scene to a simulation: the only place that names concrete parts.
+//! Makes a simulation from a scene: the only module that names concrete parts.
 
 use super::before::{admit_saved, known_as};
 use super::{Scene, packing};
@@ -36,13 +36,13 @@ use crate::walls::{StageSoFar, Wall, area};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// A snapshot does not fit the scene.
+/// Reason why a snapshot does not fit the scene.
 #[derive(Clone, Debug, thiserror::Error, Serialize, Deserialize)]
 pub enum StartError {
-    /// It cannot be read.
+    /// The snapshot cannot be read.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
-    /// It has a shape that the scene does not have.
+    /// It has a shape that the scene lacks.
     #[error(
         "{path}: particles of shape \"{shape}\", which the scene does not have, or has with another form or size. \
          Give the scene a [[shape]] of that name and kind \"{kind}\", with semi-axes {semi_axes} and a volume of \
@@ -60,7 +60,7 @@ pub enum StartError {
         /// Its semi-axes [m].
         semi_axes: String,
     },
-    /// The stage cannot go on, because the law of the scene remembers more.
+    /// The stage cannot go on, because the law of the scene needs more state than the snapshot has.
     #[error(
         "{path}: it has no `{column}` of contacts, which the scene's law remembers: friction or restitution have \
          been added since. Give it to a new stage, as `start` of the scene"
@@ -68,7 +68,7 @@ pub enum StartError {
     Forgotten {
         /// The snapshot.
         path: PathBuf,
-        /// What is missing.
+        /// Name of the missing column.
         column: String,
     },
     /// A drive of the scene cannot go on from it.
@@ -76,10 +76,10 @@ pub enum StartError {
     Drive {
         /// The snapshot.
         path: PathBuf,
-        /// Which, and why.
+        /// Drive and reason.
         error: DriveError,
     },
-    /// It has particles of sizes that the scene's settings do not fit.
+    /// It has particles of sizes that do not fit the scene's settings.
     #[error(
         "{path}: it has particles of scales {least:?} to {largest:?} of shape \"{shape}\": {problem}"
     )]
@@ -88,14 +88,14 @@ pub enum StartError {
         path: PathBuf,
         /// The shape's name.
         shape: String,
-        /// The least scale of such a particle.
+        /// Smallest scale of such a particle.
         least: f64,
-        /// The largest.
+        /// Largest scale of such a particle.
         largest: f64,
-        /// What does not fit, and what to do.
+        /// Problem and advice.
         problem: String,
     },
-    /// It is of the stage before, or of another scene.
+    /// It belongs to another stage or scene.
     #[error(
         "{path}: it is of another stage: its scene's `start` is {start}. Leave out --start to begin a stage from the scene's `start`; to go on in \
          a stage give it the same `start`"
@@ -106,7 +106,7 @@ pub enum StartError {
         /// Its `start`.
         start: String,
     },
-    /// A servo would not know its area.
+    /// The area of a servo's wall is unknown, because walls are tilted.
     #[error(
         "{path}: it has wall \"{wall}\", or one beside it, tilted, so the area on which its servo presses is not known. Turn it back \
          before, or leave out the servo"
@@ -117,7 +117,7 @@ pub enum StartError {
         /// The wall's name.
         wall: String,
     },
-    /// A servo of force would not press.
+    /// A servo of force would not press on particles.
     #[error(
         "{path}: it has wall \"{wall}\" turned so that `along` of its servo leads it along itself, or away from the particles. Give \
          another `along`, or turn it back before"
@@ -128,7 +128,7 @@ pub enum StartError {
         /// The wall's name.
         wall: String,
     },
-    /// Its mass against a normal would be that of another one.
+    /// A turned wall cannot move freely: its masses along normals hold for another orientation.
     #[error(
         "{path}: it has wall \"{wall}\" turned, so it cannot move freely with a `mass`. Turn it back before, or give the scene a wall of \
          another name that stands so"
@@ -139,7 +139,7 @@ pub enum StartError {
         /// The wall's name.
         wall: String,
     },
-    /// Its images have slid, along other axes than the scene's.
+    /// Its images have slid along other axes than the scene's.
     #[error(
         "{path}: it has been sheared along {along} across {across}, by a strain of {strain}. Give the scene the same `along` and \
          `across` in domain.shear; rate = 0 holds its images where they are"
@@ -147,14 +147,14 @@ pub enum StartError {
     Sheared {
         /// The snapshot.
         path: PathBuf,
-        /// Axes.
+        /// Axis of the shear.
         along: String,
-        /// Axes.
+        /// Axis across the shear.
         across: String,
-        /// By how much.
+        /// Shear strain.
         strain: f64,
     },
-    /// A flow has carried its cell.
+    /// Its cell has been strained by a flow.
     #[error(
         "{path}: its cell has been strained. Give the scene a [cell]: an empty one keeps the edges where they are"
     )]
@@ -172,11 +172,11 @@ pub enum StartError {
     },
 }
 
-/// A stage does not make its own step shorter than this part of what it was: stiffness goes with the root of the overlap, which is less than
-/// the radius.
+/// Smallest part of the automatic step to which a stage shortens it: stiffness grows with the root of the overlap, which is
+/// less than the radius.
 const MOST_SHORTENED: f64 = 1e-3;
 
-/// How a run goes on from a snapshot.
+/// Way in which a run continues from a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Continuation {
     /// In the same stage, as if it had never stopped.
@@ -185,12 +185,12 @@ pub enum Continuation {
     NewStage,
 }
 
-/// The scene's simulation, without particles.
+/// Simulation of the scene, without particles.
 pub fn assemble(scene: &Scene, comm: &dyn Comm) -> Simulation {
     assemble_with(scene, scene.force_law(), comm)
 }
 
-/// The same with a law of one's own in place of the scene's.
+/// Simulation with another law in place of the scene's, without particles.
 pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> Simulation {
     let needs = scene.needs_with(&*law);
     let reach = law.about().reach(&scene.library);
@@ -241,7 +241,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
     }
 }
 
-/// A group as particles know it.
+/// Data of a group for the particles.
 fn group(group: &groups::Group) -> Group {
     let about = match &group.what {
         What::Held(path) => path.course.turn.as_ref().map(|_| path.about),
@@ -250,7 +250,7 @@ fn group(group: &groups::Group) -> Group {
     Group { name: group.name.clone(), about }
 }
 
-/// What the scene has act from outside.
+/// Drives of the scene.
 fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
     let mut drives: Vec<Box<dyn Drive>> = Vec::new();
     if let Some(rain) = &scene.rain {
@@ -277,23 +277,23 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
     drives
 }
 
-/// What a snapshot says to a run that goes on from it.
+/// Information from the snapshot from which a run continues.
 #[derive(Clone, Debug)]
 pub struct TakenUp {
-    /// What is wrong with newer ones that were passed over.
+    /// Errors of newer snapshots that were passed over.
     pub passed_over: Vec<SnapshotError>,
     /// The `[stop]` that held when it was written; empty if none did.
     pub stop: String,
-    /// Walls that stand elsewhere than the scene says, because the stage before left them there: name, and how far
-    /// off along the normal, where that is most in the domain [m]. Of a stage that begins.
+    /// Walls that the previous stage left elsewhere than in the scene: name, and largest distance along the normal within
+    /// the domain [m]. Only for a stage that begins.
     pub walls_elsewhere: Vec<(String, f64)>,
-    /// Walls that have another surface than those of their names in the snapshot. They stand where the scene says.
+    /// Walls whose surface differs from that of the same name in the snapshot. They stand where the scene puts them.
     pub other_walls: Vec<String>,
-    /// What its contacts remember, by name, and the scene's law does not know.
+    /// Names of state columns of its contacts that the scene's law does not have.
     pub forgotten: Vec<String>,
 }
 
-/// Puts the scene's own particles into a simulation that has none.
+/// Adds the scene's particles to a simulation that has none.
 pub fn fill(sim: &mut Simulation, scene: &Scene, comm: &dyn Comm) {
     sim.particles.strip_to_owned();
     for mut particle in packing::initial(scene) {
@@ -306,7 +306,7 @@ pub fn fill(sim: &mut Simulation, scene: &Scene, comm: &dyn Comm) {
     }
 }
 
-/// Takes up the state of a snapshot, or of the newest good one of a directory. Collective.
+/// Restores the state of a snapshot, or of the newest good one of a directory. Collective.
 ///
 /// # Errors
 /// On all ranks, if any of them could not read its part, or if the snapshot does not fit the scene.
@@ -326,7 +326,7 @@ pub fn take_up(
             start: start_of(&header.scene).unwrap_or_else(|| "none".to_owned()),
         });
     }
-    // A stage that begins finds the forces of its law again; one that goes on needs all that the law remembered.
+    // A new stage finds its forces anew; a continued one needs the whole state of its law.
     let is_known = |wanted: &&StateColumn| records.columns().contains(wanted);
     if continuation == Continuation::SameStage
         && let Some(column) = sim.law.state().iter().find(|column| !is_known(column))
@@ -372,7 +372,7 @@ pub fn take_up(
         }
         Continuation::NewStage => {
             sim.stage_begin = (header.step, header.time);
-            // The flow of now in place of that of before.
+            // Replaces the old flow by the present one.
             let flows = [&header.cell, &sim.particles.cell];
             for particle in &mut particles {
                 particle.accumulated = Accumulated::default();
@@ -389,7 +389,7 @@ pub fn take_up(
     let Particles { walls, library, .. } = &mut sim.particles;
     for wall in walls {
         if let Some(row) = header.walls.iter().find(|row| row.name == wall.name) {
-            // A wall keeps its place from stage to stage; whether it moves, the scene says.
+            // A wall keeps its place from stage to stage; the scene determines whether it moves.
             let surface = (row.point, row.normal);
             match wall.go_on(&surface, row.body.as_ref(), goes_on, now, library, &room) {
                 None => other_walls.push(wall.name.clone()),
@@ -438,12 +438,12 @@ pub fn take_up(
     Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere, other_walls, forgotten })
 }
 
-/// The `start` in the text of a scene.
+/// Value of `start` in the text of a scene.
 fn start_of(scene: &str) -> Option<String> {
     Some(scene.parse::<toml::Table>().ok()?.get("start")?.to_string())
 }
 
-/// The scene's cell, with images where the snapshot has left them.
+/// The scene's cell, with its images as in the snapshot.
 fn cell_of(
     scene: &Scene,
     header: &Header,
@@ -476,8 +476,8 @@ fn cell_of(
     })
 }
 
-/// Makes room for the sizes and numbers of these particles and of this library. A scene that names its snapshot has made it already; one that
-/// does not may not know of them. Collective.
+/// Extends the library to the sizes and numbers of these particles. A scene that names its snapshot has done it already;
+/// another one may not know them. Collective.
 fn admit_sizes(
     sim: &mut Simulation,
     scene: &Scene,
@@ -582,7 +582,7 @@ fn read_part(
     let records = reader.contact_records(share(reader.contact_record_count()))?;
     let records = records.renamed(|id| {
         let Some((wall, facet)) = id.wall_and_facet() else { return Some(id) };
-        // The order of walls may have changed, and a wall may be gone or another.
+        // The order of walls may have changed, and a wall may be missing or different.
         let is = |wall: &Wall, WallRow { name, point, normal, body, .. }: &WallRow| {
             wall.name == *name && wall.is_same(&(*point, *normal), body.as_ref())
         };
@@ -600,7 +600,7 @@ fn read_part(
             problem: "a scale is a number greater than 0; take another snapshot".to_owned(),
         });
     }
-    // One that no particle has any more may be gone.
+    // A shape without particles may be missing.
     let mut used: Vec<ShapeId> = table.shape.clone();
     used.sort_unstable();
     used.dedup();
@@ -610,7 +610,7 @@ fn read_part(
     let now = |shape: ShapeId| *shapes[shape.index()].as_ref().expect("looked at above");
     let mut particles = capture::particles_of(&table, now);
     for (particle, before) in particles.iter_mut().zip(&table.shape) {
-        // Of another density now: it goes on as fast as it was, and turns as fast.
+        // The density may have changed: velocity and angular velocity stay.
         let mass = scene.library.mass[particle.shape.index()];
         particle.angular_momentum *= mass / header.shapes[before.index()].mass;
     }

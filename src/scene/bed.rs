@@ -1,4 +1,4 @@
-//! Where the particles of a scene will lie, for estimates: a settled bed, cut among the ranks.
+//! Estimated positions of the particles of a scene: a settled bed, cut among the ranks.
 
 use super::{Fill, Mix, Scene};
 use crate::math::Vec3;
@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 /// Volume of particles over volume of the bed, in estimates.
 const PACKING_FRACTION: f64 = 0.6;
 
-/// The share of the busiest of several ranks in the settled bed.
+/// Share of the busiest rank in the settled bed.
 pub(super) struct Share {
     pub(super) owned: f64,
     pub(super) ghosts: f64,
@@ -23,7 +23,7 @@ impl Share {
         bed.cut(ranks.max(1), &mut blocks);
         let periodic = scene.domain.periodic();
         let mut share = Self { owned: count / f64::from(ranks.max(1)), ghosts: 0.0, neighbours: 0 };
-        // A sample is enough where there are very many.
+        // With very many blocks a sample suffices.
         for block in blocks.iter().step_by(1 + blocks.len() / 1024) {
             let halo = block.grown(reach, &bed, periodic);
             let ghosts = sizes.ghosts(block, &bed, periodic);
@@ -38,16 +38,16 @@ impl Share {
     }
 }
 
-/// How the sizes of the particles are mixed in the bed.
+/// Mix of the particle sizes in the bed.
 struct Sizes {
-    /// Bounding radius [m], and particles per volume [1/m³].
+    /// Bounding radius [m] and number density [1/m³] of each class.
     classes: Vec<(f64, f64)>,
     skin: f64,
 }
 
 impl Sizes {
     fn of(scene: &Scene, bed: &Block) -> Self {
-        // Of a shape of many sizes, all have the mean volume.
+        // All particles of a shape count with their mean volume.
         let class = |(of_shape, &radius): (OfShape, &f64)| {
             (radius * libm::cbrt(of_shape.mean_volume()), of_shape.count / bed.volume())
         };
@@ -55,8 +55,8 @@ impl Sizes {
         Self { classes, skin: scene.skin }
     }
 
-    /// The particles around a block that are in a pair with one in it, as if all lay at random: of a layer
-    /// at some distance, those that find at least one partner in the part of their reach beyond its face.
+    /// Number of particles around a block that are in a pair with one in it, for random positions. In a layer at
+    /// some distance, those count that find at least one partner in the part of their reach beyond its face.
     fn ghosts(&self, block: &Block, bed: &Block, periodic: [bool; 3]) -> f64 {
         const LAYERS: u32 = 32;
         let largest = self.classes.iter().map(|&(radius, _)| radius).fold(0.0, f64::max);
@@ -91,7 +91,7 @@ struct Block {
 }
 
 impl Block {
-    /// Where the particles will lie: on the side to which gravity pulls, or in the whole domain.
+    /// Bed of the particles: on the side to which gravity pulls, or in the whole domain.
     fn bed(scene: &Scene) -> Self {
         let (low, high) = scene.domain.corners();
         let mut bed = Self { low, high };
@@ -113,7 +113,7 @@ impl Block {
         (self.high - self.low).product()
     }
 
-    /// Halves along the longest side until each rank has one.
+    /// Halves along the longest side until each rank has one block.
     fn cut(self, ranks: u32, blocks: &mut Vec<Self>) {
         if ranks == 1 {
             blocks.push(self);
@@ -130,7 +130,8 @@ impl Block {
         upper.cut(ranks - lower_ranks, blocks);
     }
 
-    /// Wider by `by` on all sides, but not beyond the bed where that does not repeat, and nowhere wider than it.
+    /// Block extended by `by` on all sides, but not beyond the bed where it does not repeat, and nowhere wider
+    /// than the bed.
     fn grown(&self, by: f64, bed: &Self, periodic: [bool; 3]) -> Self {
         let mut grown = Self { low: self.low.add_scalar(-by), high: self.high.add_scalar(by) };
         for (axis, repeats) in periodic.into_iter().enumerate() {
@@ -145,7 +146,7 @@ impl Block {
         grown
     }
 
-    /// Does it overlap another or one of the other's periodic images?
+    /// Does it overlap another block or one of the other's periodic images?
     fn meets(&self, other: &Self, bed: &Self, periodic: [bool; 3]) -> bool {
         (0..3).all(|axis| {
             let period = if periodic[axis] { bed.high[axis] - bed.low[axis] } else { 0.0 };
@@ -163,7 +164,7 @@ fn solid_volume(scene: &Scene) -> f64 {
     counts.iter().zip(&scene.library.shapes).map(|(of, shape)| of.volume * shape.volume()).sum()
 }
 
-/// The particles of a shape.
+/// Particles of a shape.
 #[derive(Clone, Copy, Default)]
 struct OfShape {
     count: f64,
@@ -178,7 +179,7 @@ impl OfShape {
     }
 }
 
-/// How many particles of each shape there will be; of a mix, as its shares say.
+/// Expected number of particles of each shape; mixes count by their shares.
 fn counts(scene: &Scene) -> Vec<OfShape> {
     let mut counts = vec![OfShape::default(); scene.library.particle_shapes];
     let mut mixes: Vec<(&Mix, u64)> = scene.to_come().collect();

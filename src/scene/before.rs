@@ -1,8 +1,8 @@
-//! Which sizes of grains come with a snapshot. A scene makes room for them when it is read, so that all that follows from sizes,
-//! from the time step to what is said of it, is of the grains that there will be.
+//! Particle sizes from a snapshot. A scene is extended to them when it is read, so that the time step and all texts account
+//! for these particles.
 //!
-//! A stage that begins looks at the grains of the snapshot. One that goes on takes the sizes for which it had made room before:
-//! grains that have left since count in its step and skin as in the stage that was not interrupted.
+//! A stage that begins uses the particles of the snapshot. One that continues uses the sizes to which it was extended
+//! before. So particles that have left since then still count in its step and skin, as in an uninterrupted stage.
 
 use crate::comm::alone::Alone;
 use crate::ids::ShapeId;
@@ -13,9 +13,9 @@ use crate::population::Library;
 use crate::shape::{Shape, Union};
 use std::path::Path;
 
-/// The library's shape that is this one of a snapshot.
+/// The library's shape that matches one of a snapshot.
 pub(super) fn known_as(library: &Library, row: &ShapeRow) -> Option<ShapeId> {
-    // No two solids of one name have one box and one volume by accident.
+    // Two different solids of one name do not have the same box and volume by chance.
     let is_it = |k: &usize| {
         let shape = &library.shapes[*k];
         library.names[*k] == row.name
@@ -26,22 +26,22 @@ pub(super) fn known_as(library: &Library, row: &ShapeRow) -> Option<ShapeId> {
     (0..library.particle_shapes).find(is_it).map(|k| ShapeId(k as u16))
 }
 
-/// Makes room for the grains of the snapshot with which a stage begins, or of the newest good one of a directory. Returns its scene.
-/// One that cannot be read has none: that is told when it is taken up.
+/// Extends the library to the particles of the snapshot with which a stage begins, or of the newest good one of a
+/// directory. Returns its scene. `None` for an unreadable one, which is reported when it is restored.
 pub(super) fn admit(library: &mut Library, path: &Path) -> Option<String> {
     let reader = opened(path).ok()?;
     let _ = admit_present(library, &reader);
     Some(reader.header().scene.clone())
 }
 
-/// The same for a stage that goes on from a snapshot of its own.
+/// Extends the library for a stage that continues from one of its own snapshots.
 pub(super) fn admit_to_go_on(library: &mut Library, path: &Path) -> Option<String> {
     let reader = opened(path).ok()?;
     admit_saved(library, reader.header());
     Some(reader.header().scene.clone())
 }
 
-/// Makes room for the sizes and numbers for which the stage that wrote a snapshot had made room.
+/// Extends the library to the sizes and numbers of the stage that wrote a snapshot.
 pub(super) fn admit_saved(library: &mut Library, header: &Header) {
     for row in &header.shapes {
         if let Some(shape) = admit_of(library, row, row.scales) {
@@ -50,7 +50,7 @@ pub(super) fn admit_saved(library: &mut Library, header: &Header) {
     }
 }
 
-/// The union of this name in a snapshot, or in the newest good one of a directory.
+/// Union of this name in a snapshot, or in the newest good one of a directory.
 pub(super) fn union(path: &Path, name: &str) -> Option<Union> {
     let reader = opened(path).ok()?;
     let row = reader.header().shapes.iter().find(|row| row.name == name)?;
@@ -60,12 +60,12 @@ pub(super) fn union(path: &Path, name: &str) -> Option<Union> {
     }
 }
 
-/// The scene of a snapshot, or of the newest good one of a directory.
+/// Scene of a snapshot, or of the newest good one of a directory.
 pub(super) fn scene(path: &Path) -> Result<String, SnapshotError> {
     opened(path).map(|reader| reader.header().scene.clone())
 }
 
-/// Chosen and checked as it is when it is taken up.
+/// Opens a snapshot, chosen and checked as for its restoration.
 fn opened(path: &Path) -> Result<Reader, SnapshotError> {
     Reader::open_together(path, &mut Alone::default())
 }
@@ -81,7 +81,8 @@ fn admit_present(library: &mut Library, reader: &Reader) -> Result<(), SnapshotE
     Ok(())
 }
 
-/// Makes room for these scales of a snapshot's shape. What is none of the library's, or no scale, is told when it is taken up.
+/// Extends a shape of a snapshot to these scales. Unknown shapes and invalid scales are reported when the snapshot is
+/// restored.
 fn admit_of(library: &mut Library, row: &ShapeRow, scales: [f64; 2]) -> Option<ShapeId> {
     let shape = known_as(library, row)?;
     if scales.iter().all(|scale| scale.is_finite() && *scale > 0.0) {

@@ -1,7 +1,7 @@
-//! From the file as written to the [`Scene`] that it means.
+//! Makes a [`Scene`] from the parsed file.
 //!
-//! Every function here reads one part, reports all mistakes in it, and returns
-//! `None` if anything was; the parts that are right are read on, so that all mistakes come at once.
+//! Every function here reads one part, reports all errors in it, and returns `None` if there are any. The valid parts are
+//! still read, so that all errors are reported at once.
 
 use super::before;
 use super::element;
@@ -34,19 +34,21 @@ use crate::sim::stop::When;
 use crate::text::{MOST_NAMED, listed};
 use std::path::{Path, PathBuf};
 
-/// Skin, in largest bounding radii, if the file does not say.
+/// Default skin, in largest bounding radii.
 const SKIN: f64 = 0.1;
-/// A pair that parts in a step must still be listed, or what it stored is booked nowhere: least skin, in smallest bounding radii.
+/// Smallest skin, in smallest bounding radii: a pair that parts in a step must still be listed, because otherwise its
+/// stored energy would be lost from the balance.
 const LEAST_SKIN: f64 = 0.02;
-/// Work of the busiest rank over the mean from which on the domain is cut again, if the file does not say.
+/// Default work of the busiest rank over the mean above which the domain is cut again.
 const IMBALANCE: f64 = 1.1;
-/// A list of pairs takes as long as 6 to 13 steps (20,000 and 980,000 spheres, by hand): in so many it hardly counts.
+/// Default steps between renewals of the order. A list of pairs takes as long as 6 to 13 steps (20,000 and 980,000 spheres,
+/// by hand), which is negligible here.
 const ORDER_EVERY: u64 = 5000;
 
-/// As many shapes and walls as have ids.
+/// Largest number of shapes and walls, by their ids.
 const MOST_IDS: usize = 1 << u16::BITS;
 
-/// The checked scene, or `None` if the report has mistakes.
+/// The checked scene; `None` if there are errors.
 pub(super) fn scene(
     Whole { root, folder, text }: Whole,
     mistakes: &Mistakes,
@@ -122,15 +124,15 @@ pub(super) fn scene(
     })
 }
 
-// --- parts, in the order in which they look at each other ---
+// --- parts, in the order of their dependence ---
 
-/// What concerns all particles, and how contacts are resolved.
+/// Settings for all particles, and the contact method.
 struct General {
     title: Option<String>,
     seed: Option<u64>,
-    /// [m/s²]
+    /// Gravity [m/s²].
     gravity: Option<Vec3>,
-    /// [1/s]
+    /// Global damping [1/s].
     global_damping: Option<f64>,
     #[expect(clippy::option_option, reason = "wrong, none, or one")]
     start: Option<Option<PathBuf>>,
@@ -183,7 +185,7 @@ impl<'a> Bodies<'a> {
         Self { materials, law, shapes, domain_section, domain, cell, walls, free_walls }
     }
 
-    /// The stable limit of the time step, if law and shapes go together.
+    /// Stable limit of the time step, if law and shapes are compatible.
     fn limit(&self, root: &Section) -> Option<Limit> {
         let (law, shapes) = (self.law.as_ref()?, &self.shapes);
         if !shapes.complete || !laws::check_shapes(root, law, &shapes.library) {
@@ -195,7 +197,7 @@ impl<'a> Bodies<'a> {
     }
 }
 
-/// Particles that are there, that come and that leave.
+/// Particles at the start, that come and that leave.
 struct Grains {
     fills: Option<(Vec<Fill>, Option<Rain>)>,
     inlets: Option<Vec<Inlet>>,
@@ -203,7 +205,7 @@ struct Grains {
 }
 
 impl Grains {
-    /// The library gets the sizes and numbers of all.
+    /// Reads them; the library gets the sizes and numbers of all.
     fn read(root: &Section, folder: &Path, bodies: &mut Bodies, general: &General) -> Self {
         let Bodies { shapes, domain, .. } = bodies;
         let (domain, gravity) = (domain.as_ref(), general.gravity.unwrap_or_else(Vec3::zeros));
@@ -224,7 +226,7 @@ impl Grains {
     }
 }
 
-/// Groups of particles. The library gets shapes for those that are held, and inlets the numbers of their groups.
+/// Reads the groups of particles. The library gets shapes for held ones, and inlets the numbers of their groups.
 fn read_groups(
     root: &Section,
     folder: &Path,
@@ -251,7 +253,7 @@ fn read_groups(
     all
 }
 
-/// The snapshot with which the run begins, or goes on.
+/// Snapshot with which the run begins or from which it continues.
 fn snapshot_before<'a>(start: Option<&'a Option<PathBuf>>, need: Need<'a>) -> Option<&'a Path> {
     match need {
         Need::Snapshot(own) => Some(own),
@@ -259,7 +261,7 @@ fn snapshot_before<'a>(start: Option<&'a Option<PathBuf>>, need: Need<'a>) -> Op
     }
 }
 
-/// Makes room in the library for the particles of that snapshot. Returns its scene.
+/// Extends the library to the particles of that snapshot. Returns its scene.
 fn sizes_before(library: &mut Library, snapshot: Option<&Path>, need: Need) -> Option<String> {
     let before = match (need, snapshot) {
         (Need::Snapshot(own), _) => before::admit_to_go_on(library, own),
@@ -267,13 +269,13 @@ fn sizes_before(library: &mut Library, snapshot: Option<&Path>, need: Need) -> O
         (Need::AllFiles, None) => None,
     };
     if library.most.iter().sum::<f64>() <= 1.0 {
-        // One alone stands for many, as where others are put beside it by a program.
+        // A single particle stands for any number, because a program may add others.
         library.most.fill(f64::INFINITY);
     }
     before
 }
 
-/// Steps, what ends them, and what is written.
+/// Steps, stop conditions and output.
 struct Course<'a> {
     limit: Option<Limit>,
     time_section: Option<Section<'a>>,
@@ -309,7 +311,7 @@ impl<'a> Course<'a> {
     }
 }
 
-/// Is there room for what is to come?
+/// Checks that there is room for the particles to come.
 fn check_room(root: &Section, general: &General, bodies: &Bodies, grains: &mut Grains) {
     let Bodies { walls, shapes, .. } = bodies;
     let count = shapes.library.shapes.len() + walls.count();
@@ -331,7 +333,7 @@ fn check_room(root: &Section, general: &General, bodies: &Bodies, grains: &mut G
     }
 }
 
-/// Looks at what concerns several parts.
+/// Checks that involve several parts.
 fn check_together(root: &Section, general: &General, bodies: &mut Bodies, course: &Course) {
     let Bodies { domain, domain_section, cell, law, shapes, walls, .. } = bodies;
     let library = &shapes.library;
@@ -366,7 +368,7 @@ fn check_together(root: &Section, general: &General, bodies: &mut Bodies, course
     }
 }
 
-/// Limits how many particles of each shape there can be to those that the scene has and those that come.
+/// Limits the number of particles of each shape to the initial ones and those that come.
 fn limit_numbers(
     library: &mut Library,
     fills: Option<&(Vec<Fill>, Option<Rain>)>,
@@ -406,7 +408,7 @@ fn start(given: &Given, need: Need) -> Option<PathBuf> {
     Some(path)
 }
 
-/// The least skin, and that if the file does not say: not so wide that small grains list all the others around them [m].
+/// Smallest and default skin [m]. The default is no wider than lets small particles list their near neighbours only.
 fn skins(library: &Library) -> [f64; 2] {
     let radius = |(shape, scale): (ShapeId, f64)| library.radius[shape.index()] * scale;
     let smallest = library.extremes().map(radius).fold(f64::INFINITY, f64::min);
@@ -435,7 +437,7 @@ fn domain(section: &Section) -> Option<Cell> {
     }
 }
 
-/// How the images of a cell slide.
+/// Sliding of the images of a cell.
 fn shear(given: &Given, cell: &Cell) -> Option<Shear> {
     let section = given.section()?;
     let words = [("x", 0), ("y", 1), ("z", 2)];
@@ -463,7 +465,7 @@ fn shear(given: &Given, cell: &Cell) -> Option<Shear> {
     Some(Shear { along, across, rate, strain: 0.0 })
 }
 
-/// What has no meaning where images slide, or none yet.
+/// Rejects settings that have no meaning where images slide, or are not supported there.
 fn check_shear(root: &Section, domain: &Cell, gravity: Option<Vec3>, walls: usize) {
     let Some(Shear { along, .. }) = domain.shear() else { return };
     if gravity.is_some_and(|gravity| gravity[along] != 0.0)
@@ -492,7 +494,7 @@ fn check_shear(root: &Section, domain: &Cell, gravity: Option<Vec3>, walls: usiz
     }
 }
 
-/// A periodic image must never meet the same particle, or another of its images.
+/// Rejects periods in which a particle could meet two images of the same particle.
 fn check_periods(section: &Section, domain: &Cell, reach: f64) {
     let Some(given) = section.get("periodic") else { return };
     for (axis, width) in domain.thin(2.0 * reach) {
@@ -506,11 +508,11 @@ fn check_periods(section: &Section, domain: &Cell, reach: f64) {
 
 // --- contact, time, output ---
 
-/// How contacts are resolved.
+/// Contact method.
 fn contact(section: &Section) -> Option<Method> {
     let words = ["auto", "common-normal", "gjk-erosion", "epa"].map(|word| (word, word));
     let word = section.read_or("method", "auto", |given| given.one_of(&words));
-    // None if it is there and the method has no such setting.
+    // `None` if the key is given and the method has no such setting.
     let setting = |key, methods: &[&str]| match section.get(key) {
         Some(given) if word.is_some_and(|word| !methods.contains(&word)) => {
             given.fail(format!("only for method = \"{}\"", methods.join("\" or \"")));
@@ -538,7 +540,7 @@ fn contact(section: &Section) -> Option<Method> {
     })
 }
 
-/// A common normal that the user insists on needs curvature everywhere.
+/// Rejects shapes without curvature for the method `common-normal`, if it is set explicitly.
 fn check_smooth(root: &Section, library: &Library) {
     let edged: Vec<String> = library
         .names
@@ -612,14 +614,14 @@ fn within(section: &Section) -> Option<When> {
 /// `[neighbours]`.
 #[derive(Clone, Copy)]
 struct Neighbours {
-    /// [m]
+    /// Skin [m].
     skin: f64,
     imbalance: f64,
     order_every: u64,
 }
 
 impl Neighbours {
-    /// Reads a section; the skin is this at least [m].
+    /// Reads the section; the skin is at least this large [m].
     fn read(self, section: &Section, least: f64) -> Option<Self> {
         let skin = section.number_or("skin", self.skin);
         let imbalance = section.number_or("imbalance", self.imbalance);
@@ -628,7 +630,7 @@ impl Neighbours {
     }
 }
 
-/// How contacts are audited; `seed` is that of the scene.
+/// Settings of the audit; `seed` is that of the scene.
 fn audit(root: &Section, seed: u64) -> Option<Audit> {
     let default = Audit { every: Audit::EVERY, contacts: None, seed };
     root.read_or("audit", default, |given| {
@@ -643,7 +645,7 @@ fn audit(root: &Section, seed: u64) -> Option<Audit> {
     })
 }
 
-/// `damping` in 1/s, `dt` in s.
+/// Checks the global damping; `damping` in 1/s, `dt` in s.
 fn check_damping(root: &Section, damping: f64, dt: f64) {
     if damping * dt >= 2.0
         && let Some(given) = root.get("global_damping")
@@ -654,7 +656,7 @@ fn check_damping(root: &Section, damping: f64, dt: f64) {
 
 struct Time {
     dt: f64,
-    /// Is it the program's own?
+    /// Is the step automatic?
     own_step: bool,
     steps: u64,
     duration: Option<f64>,
@@ -693,13 +695,13 @@ impl Time {
     }
 }
 
-/// More steps than these are not counted.
+/// Largest number of steps.
 const MOST_STEPS: u64 = 1_000_000_000_000_000_000;
 
-/// The stable limit of the time step, if anything pushes.
+/// Stable limit of the time step, if any contact can push.
 struct Limit {
     limit: Option<TimeStepLimit>,
-    /// What else counts in its stiffness.
+    /// Addition to the message about its stiffness.
     with: &'static str,
 }
 
@@ -710,7 +712,7 @@ impl Limit {
         Self { limit: time_step_limit(library, &*law.law(library)), with }
     }
 
-    /// The program's own step [s].
+    /// Automatic step [s].
     fn own_step(&self, given: &Given) -> Option<f64> {
         let Some(limit) = &self.limit else {
             given.fail("nothing pushes, so nothing limits the step: give a number [s]");

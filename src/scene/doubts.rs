@@ -1,4 +1,4 @@
-//! What the program knows to be doubtful about a scene before it runs.
+//! Warnings about a scene before it runs.
 
 use super::walls::stress_of_force;
 use super::{Fill, Goal, Inlet, Method, Mix, Outlet, Rain, Scene, Servo};
@@ -56,7 +56,7 @@ pub fn doubts(scene: &Scene) -> Vec<String> {
     all.into_iter().flatten().chain(scene.left_out.iter().cloned()).chain(read).collect()
 }
 
-/// Bodies that are to come to rest, and walls that never do.
+/// A stop at rest together with walls that move for ever.
 fn rest_beside_drives(scene: &Scene) -> Option<String> {
     let asked = [("rest", scene.stop.rest), ("unbalanced", scene.stop.unbalanced)];
     let (key, _) = asked.into_iter().find(|(_, limit)| limit.is_some())?;
@@ -73,10 +73,10 @@ fn rest_beside_drives(scene: &Scene) -> Option<String> {
     ))
 }
 
-/// A wall of triangles that its velocity takes out of the domain.
+/// A wall of triangles that its velocity moves out of the domain.
 fn wall_that_leaves(scene: &Scene) -> Option<String> {
     if scene.start.is_some() {
-        // Where it stands is known in the run.
+        // Its position is only known in the run.
         return None;
     }
     let lasts = scene.duration.unwrap_or(scene.steps as f64 * scene.dt);
@@ -86,7 +86,7 @@ fn wall_that_leaves(scene: &Scene) -> Option<String> {
         if wall.course.is_some() || wall.may_turn() || wall.mass.is_finite() {
             return None;
         }
-        // After this time the whole of it is beyond a border.
+        // Time after which all of it is beyond a border.
         let gone = scene.domain.open_axes().filter_map(|k| {
             let speed = wall.velocity[k];
             let way = if speed > 0.0 { high[k] - least[k] } else { low[k] - most[k] };
@@ -103,7 +103,7 @@ fn wall_that_leaves(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A law of sizes that listed particles do not have.
+/// A law of sizes that does not apply to listed particles.
 fn sizes_of_a_list(scene: &Scene) -> Option<String> {
     let lists = || {
         scene.initial.iter().filter_map(|fill| match fill {
@@ -133,7 +133,7 @@ fn sizes_of_a_list(scene: &Scene) -> Option<String> {
     ))
 }
 
-/// A `[stop]` that may come before an inlet that has no end.
+/// A `[stop]` that may hold before an endless inlet begins.
 fn rest_before_an_inlet(scene: &Scene) -> Option<String> {
     let asked = [("rest", scene.stop.rest), ("unbalanced", scene.stop.unbalanced)];
     let (key, _) = asked.into_iter().find(|(_, limit)| limit.is_some())?;
@@ -147,7 +147,7 @@ fn rest_before_an_inlet(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A belt on which nothing rubs.
+/// A belt without friction.
 fn idle_belt(scene: &Scene) -> Option<String> {
     let belt = scene.walls.iter().find(|wall| wall.is_belt())?;
     (scene.law.highest_friction() == 0.0).then(|| {
@@ -158,7 +158,7 @@ fn idle_belt(scene: &Scene) -> Option<String> {
     })
 }
 
-/// Grains that are to spin and do not turn.
+/// Particles with a spin that do not turn.
 fn idle_spin(scene: &Scene) -> Option<String> {
     let inlet = scene.inlets.iter().find(|inlet| inlet.spin > 0.0)?;
     (!scene.needs().spin).then(|| {
@@ -169,7 +169,7 @@ fn idle_spin(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A `[stop]` that is not looked at before the stage is over.
+/// A `[stop]` that is first checked after the end of the stage.
 fn stop_too_late(scene: &Scene) -> Option<String> {
     let lasts = scene.duration.unwrap_or(scene.steps as f64 * scene.dt);
     (scene.stop.after > lasts + 0.5 * scene.dt).then(|| {
@@ -180,7 +180,7 @@ fn stop_too_late(scene: &Scene) -> Option<String> {
     })
 }
 
-/// An inlet or an outlet that acts less often than the stage is long.
+/// An inlet or an outlet whose interval is longer than the stage.
 fn seldom_looked(scene: &Scene) -> Option<String> {
     let inlets = scene.inlets.iter().map(|inlet| ("inlet", &inlet.name, inlet.every));
     let outlets = scene.outlets.iter().map(|outlet| ("outlet", &outlet.name, outlet.every));
@@ -191,12 +191,12 @@ fn seldom_looked(scene: &Scene) -> Option<String> {
     ))
 }
 
-/// When particles of an inlet may appear for the last time, in s of the stage.
+/// Last time at which particles of an inlet may appear, in s of the stage.
 fn last_look(scene: &Scene, inlet: &Inlet) -> f64 {
     (scene.steps / inlet.every * inlet.every) as f64 * scene.dt
 }
 
-/// An inlet that begins when the stage is over.
+/// An inlet that begins after the end of the stage.
 fn begins_too_late(scene: &Scene) -> Option<String> {
     let is_late = |inlet: &&Inlet| {
         let last = last_look(scene, inlet);
@@ -211,7 +211,7 @@ fn begins_too_late(scene: &Scene) -> Option<String> {
     ))
 }
 
-/// An inlet of which more particles are due at a time than come.
+/// An inlet with more due particles at a time than can appear.
 fn too_many_at_once(scene: &Scene) -> Option<String> {
     scene.inlets.iter().find_map(|inlet| {
         let between_looks = inlet.every as f64 * scene.dt;
@@ -226,7 +226,7 @@ fn too_many_at_once(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A servo, or a stress that is written, whose area walls that are no planes across an axis may narrow.
+/// A servo, or a written stress, whose area may be reduced by walls that are not planes across an axis.
 fn area_in_a_pipe(scene: &Scene) -> Option<String> {
     let (walls, domain) = (&scene.walls, &scene.domain);
     let other = walls.iter().find(|wall| wall.across().is_none())?;
@@ -245,13 +245,13 @@ fn area_in_a_pipe(scene: &Scene) -> Option<String> {
     ))
 }
 
-/// An outlet in which no particle can be.
+/// An outlet that no particle can reach.
 fn nothing_leaves(scene: &Scene) -> Option<String> {
     if scene.walls.iter().any(|wall| wall.moves) {
-        // Where they go is known in the run.
+        // The positions of walls are only known in the run.
         return None;
     }
-    // A centre that is farther outside than its radius ends the run.
+    // A centre that is farther outside than its radius stops the run.
     let far = Vec3::repeat(scene.library.largest_radius());
     let (low, high) = room(&scene.walls, &scene.domain);
     let (low, high) = (low - far, high + far);
@@ -283,7 +283,7 @@ fn friction_in_degrees(scene: &Scene) -> Option<String> {
     })
 }
 
-/// An oscillation of a wall that the steps do not follow.
+/// An oscillation of a wall that the steps do not resolve.
 fn shaken_too_fast(scene: &Scene) -> Option<String> {
     const STEPS: f64 = 20.0;
     scene.walls.iter().find_map(|wall| {
@@ -297,7 +297,7 @@ fn shaken_too_fast(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A wall of triangles that does not come into the domain, or is many times as large: most often its file has other units.
+/// A wall of triangles outside the domain, or many times as large: usually by wrong units in its file.
 fn triangles_elsewhere(scene: &Scene) -> Option<String> {
     const LARGE: f64 = 10.0;
     let (low, high) = scene.domain.corners();
@@ -320,7 +320,7 @@ fn triangles_elsewhere(scene: &Scene) -> Option<String> {
     })
 }
 
-/// Walls that lie in each other, where particles have one contact.
+/// Coincident walls, with which particles have one contact.
 fn walls_in_walls(scene: &Scene) -> Option<String> {
     const TOLERANCE: f64 = 1e-6;
     const NAMED: usize = 5;
@@ -355,14 +355,14 @@ fn walls_in_walls(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A bend of a wall that makes Hertz' contacts stiffer by more than this part is told.
+/// Increase of the stiffness of Hertzian contacts by a bend of a wall above which a warning is given.
 const BENT: f64 = 0.01;
 
-/// Hertz takes cylinders and cones as flat. From inside contacts are stiffer by a fourth of the ratio of the radii.
+/// Hertz's law treats cylinders and cones as flat. From inside contacts are stiffer by a fourth of the ratio of the radii.
 fn flat_for_hertz(scene: &Scene) -> Option<String> {
     let radius = |strip: &Strip| {
         let end = strip.radius + strip.slope * strip.length;
-        // The tip of a cone is as narrow as the grains that are there.
+        // At the tip of a cone the relevant radius is that of the particles there.
         if end.min(strip.radius) > 0.0 {
             end.min(strip.radius)
         } else {
@@ -385,7 +385,8 @@ fn flat_for_hertz(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A servo, or a wall under a load, presses grains into each other by about `p d / k` of their diameter, as in a row of them.
+/// A servo or a loaded wall that presses particles into each other too deeply: by about `p d / k` of their diameter, as in
+/// a row of them.
 fn pressed_flat(scene: &Scene) -> Option<String> {
     let Scene { walls, domain, .. } = scene;
     let of_servo = |servo: &Servo| match servo.goal {
@@ -411,7 +412,7 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
         let diameter = libm::cbrt(6.0 * volume / std::f64::consts::PI);
         stress * diameter / law.about().hardest(&body, body.material, 0.5 * body.mass).stiffness
     };
-    // Where contacts stiffen with load, the few most loaded ones are pressed so far.
+    // Where contacts stiffen with load, this is the overlap of the few most loaded ones.
     let elastic = match scene.law.forces() {
         Choice::Hertz(settings) => Some(settings),
         Choice::Jkr(settings) => Some(&settings.elastic),
@@ -437,8 +438,8 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
     })
 }
 
-/// Forces along another normal than that of the least overlap have no potential. Spheres are resolved in closed form.
-/// The figures are the worst of 100 collisions of each pair of bodies in `collisions_by_erosion_do_not_keep_their_energy`.
+/// Forces along a normal other than that of the least overlap have no potential. Spheres are resolved in closed form. The
+/// figures are the worst of 100 collisions of each pair of bodies in `collisions_by_erosion_do_not_keep_their_energy`.
 fn energy_of_erosion(scene: &Scene) -> Option<String> {
     let grains = &scene.library.shapes[..scene.library.particle_shapes];
     let is_approximate = |shape: &Shape| shape.kind() != Kind::Sphere;
@@ -449,7 +450,7 @@ fn energy_of_erosion(scene: &Scene) -> Option<String> {
     })
 }
 
-/// Depth has a kink where faces are flush, which heats what should rest.
+/// The depth has a kink where faces are flush, which adds energy to resting bodies.
 fn energy_of_faces(scene: &Scene) -> Option<String> {
     let has_faces = scene.particle_kinds().into_iter().any(|kind| kind.extended()[0] > 0);
     let by_depth = matches!(scene.method, Method::GjkErosion(_) | Method::Epa(_));
@@ -462,7 +463,7 @@ fn energy_of_faces(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A spherocylinder has an extended contact with its like and with walls alone.
+/// Spherocylinders with polyhedra: a spherocylinder has an extended contact only with its like and with walls.
 fn sides_on_faces(scene: &Scene) -> Option<String> {
     let kinds = scene.particle_kinds();
     let is_there = |has: fn(Kind) -> bool| kinds.iter().any(|&kind| has(kind));
@@ -473,12 +474,12 @@ fn sides_on_faces(scene: &Scene) -> Option<String> {
     })
 }
 
-/// The part of a side's half length, around its middle, within which contacts may heat a body. On slopes up to 0.96 of
-/// friction's tangent blocks half a metre long creep by at most 6e-7 m/s where it is less, and by up to 6e-2 m/s where it is
-/// more: see `benchmarks/verification/cases/steps.rs`.
+/// Part of a side's half length, around its middle, within which contacts may add energy to a body. Blocks half a metre
+/// long, on slopes up to 0.96 of friction's tangent, creep by at most 6e-7 m/s below this part. Above it they creep by up
+/// to 6e-2 m/s: see `benchmarks/verification/cases/steps.rs`.
 const RESTLESS: f64 = 0.15;
 
-/// In the middle of sides that are nearly flat a contact turns a grain back faster than steps can follow.
+/// Nearly flat sides, in the middle of which a contact turns a particle back faster than steps can follow.
 pub fn restless_sides(scene: &Scene) -> Option<String> {
     let library = &scene.library;
     let acceleration = scene.gravity.norm();
@@ -518,7 +519,7 @@ pub fn restless_sides(scene: &Scene) -> Option<String> {
     ))
 }
 
-/// A layer appears when the one before has fallen out of the slab, not before.
+/// Rain that cannot fall in full: a layer appears when the one before has fallen out of the slab.
 fn rain_cut_short(scene: &Scene) -> Option<String> {
     let rain = scene.rain.as_ref()?;
     if rain.every > scene.steps {
@@ -554,7 +555,7 @@ fn rain_cut_short(scene: &Scene) -> Option<String> {
     })
 }
 
-/// Walls that take places of a layer.
+/// Walls that reduce the places of a layer.
 fn rain_among_walls(scene: &Scene) -> Option<String> {
     let Within { places, free, .. } = scene.rain.as_ref()?.within.as_ref()?;
     (free < places).then(|| {
@@ -565,7 +566,7 @@ fn rain_among_walls(scene: &Scene) -> Option<String> {
     })
 }
 
-/// More snapshots than these are most often a mistake.
+/// Number of snapshots above which a mistake is likely.
 const MANY_SNAPSHOTS: u64 = 10_000;
 
 /// A snapshot at nearly every step.
@@ -579,7 +580,7 @@ fn many_snapshots(scene: &Scene) -> Option<String> {
     })
 }
 
-/// Rain that begins upwards.
+/// Rain with an upward initial velocity.
 fn thrown_up(scene: &Scene) -> Option<String> {
     let rain = scene.rain.as_ref()?;
     (rain.velocity.dot(&scene.gravity) < 0.0).then(|| {
@@ -589,7 +590,7 @@ fn thrown_up(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A side of the domain through which particles fall, as nothing stands there.
+/// A side of the domain without a wall, through which particles fall.
 fn falls_out(scene: &Scene) -> Option<String> {
     let Scene { gravity, walls, domain, .. } = scene;
     let axis = gravity.iamax();
@@ -612,12 +613,12 @@ fn falls_out(scene: &Scene) -> Option<String> {
     })
 }
 
-/// What makes rain fall faster.
+/// Advice to make rain fall faster.
 fn more_speed(rain: &Rain) -> &'static str {
     if rain.velocity == Vec3::zeros() { "give it a `velocity`" } else { "more `velocity`" }
 }
 
-/// How deep the rain lies on a floor as wide as the domain [m], packed like spheres at their densest in disorder.
+/// Depth of the rain on a floor as wide as the domain [m], packed like spheres at their densest in disorder.
 fn bed(scene: &Scene, rain: &Rain) -> f64 {
     let library = &scene.library;
     let mean = library.mean_over(&rain.mix, |shape| library.shapes[shape.index()].volume());
@@ -626,7 +627,7 @@ fn bed(scene: &Scene, rain: &Rain) -> f64 {
     rain.count as f64 * mean / 0.64 * extent[axis] / extent.product()
 }
 
-/// A lattice that is sheared stays one of layers, until they touch.
+/// A sheared lattice, which stays in layers until they touch.
 fn layers_that_miss(scene: &Scene) -> Option<String> {
     let (across, [Fill::Lattice(lattice)]) = (scene.domain.shear()?.across, &scene.initial[..])
     else {
@@ -649,19 +650,19 @@ fn layers_that_miss(scene: &Scene) -> Option<String> {
     })
 }
 
-// --- rounding: far from the origin, positions stand so far apart that a short step of a slow body is lost or doubled ---
+// --- rounding: far from the origin, positions are so coarse that a short step of a slow body is lost or doubled ---
 
-/// The part of a given motion that may be rounded off in a step.
+/// Part of a motion that may be rounded off in a step.
 const ROUNDED_OFF: f64 = 0.01;
-/// Slower motion than this part of the speed of a fall over a grain's radius matters to nobody.
+/// Speed over that of a fall over a particle's radius below which motion is irrelevant.
 const SLOW: f64 = 1e-6;
 
-/// Half the distance of neighbouring numbers at most, where the largest coordinate is this [m].
+/// Largest rounding of a coordinate, where the largest one is this [m].
 fn rounding(farthest: f64) -> f64 {
     0.5 * f64::EPSILON * farthest
 }
 
-/// A warning about motions of the scene that rounding would change; `None` if it keeps them all.
+/// A warning about motions of the scene that rounding would change; `None` if there are none.
 fn lost_in_rounding(scene: &Scene) -> Option<String> {
     let mut worst: Option<(f64, String)> = None;
     let mut note = |what: &dyn Fn() -> String, farthest: f64, velocity: &Vec3| {
@@ -671,7 +672,7 @@ fn lost_in_rounding(scene: &Scene) -> Option<String> {
             worst = Some((part, format!("{} at {:e} m/s", what(), velocity.norm())));
         }
     };
-    // A course has its place at every time in closed form.
+    // A course has its place at any time in closed form.
     for wall in scene.walls.iter().filter(|wall| wall.course.is_none()) {
         note(&|| format!("wall \"{}\"", wall.name), wall.point.amax(), &wall.velocity);
     }

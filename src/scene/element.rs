@@ -1,4 +1,4 @@
-//! `[cell]`: how a periodic domain is strained as a whole.
+//! `[cell]`: strain of a periodic domain as a whole.
 
 use super::reader::{Given, Section};
 use crate::cell::{AXES, Cell};
@@ -7,12 +7,12 @@ use crate::measure::COMPONENTS;
 
 /// The components, in the order of [`COMPONENTS`].
 const NAMES: [&str; 6] = ["xx", "yy", "zz", "xy", "xz", "yz"];
-/// A step may strain the cell by so much [-].
+/// Largest strain of the cell in a step [-].
 const MOST_IN_STEP: f64 = 1e-3;
-/// In so many parts the way of a cell with given rates is looked at before the run.
+/// Number of points at which the course of a cell with given rates is checked before the run.
 const LOOKS: u32 = 1000;
 
-/// The domain as the flow of a `[cell]` may carry it.
+/// Domain in the form that the flow of a `[cell]` can carry.
 pub(super) fn domain(root: &Section, domain: Option<&Cell>) -> Option<Cell> {
     let (Some(given), Some(before)) = (root.get("cell"), domain) else { return domain.copied() };
     let carried = before.at_rest();
@@ -24,7 +24,7 @@ pub(super) fn domain(root: &Section, domain: Option<&Cell>) -> Option<Cell> {
     carried
 }
 
-/// Reads what the cell shall do; `None` if it is wrong, and `Some(None)` if there is no `[cell]`.
+/// Reads the control of the cell; `None` if it is invalid, and `Some(None)` if there is no `[cell]`.
 #[expect(clippy::option_option, reason = "wrong, none, or one")]
 pub(super) fn control(root: &Section) -> Option<Option<Control>> {
     let Some(section) = root.section("cell") else {
@@ -50,7 +50,7 @@ pub(super) fn control(root: &Section) -> Option<Option<Control>> {
     Some(Some(control))
 }
 
-/// The goals of all components.
+/// Goals of all components.
 fn goals(section: &Section) -> Option<[Goal; 6]> {
     let mut given: [Option<Goal>; 6] = [None; 6];
     for (name, goal) in NAMES.into_iter().zip(&mut given) {
@@ -106,7 +106,7 @@ fn goal(given: &Given) -> Option<Goal> {
     }
 }
 
-/// Refuses what does not go with a cell that is strained.
+/// Rejects settings that are incompatible with a strained cell.
 pub(super) fn check_others(root: &Section, walls: usize) {
     if root.get("cell").is_none() {
         return;
@@ -128,7 +128,8 @@ pub(super) fn check_others(root: &Section, walls: usize) {
     }
 }
 
-/// Are rates slow enough, and does the cell stay wide enough where its way is known? Lengths in m, times in s.
+/// Checks that rates are slow enough, and that the cell stays wide enough if its course is known. Lengths in
+/// m, times in s.
 pub(super) fn check_course(
     root: &Section,
     control: &Control,
@@ -172,7 +173,7 @@ pub(super) fn check_course(
     }
 }
 
-/// Describes what a cell does in words.
+/// Description of the control of a cell.
 pub(super) fn words(control: &Control) -> String {
     let Control { goals, ramp, max_rate, gain } = control;
     let one = |(k, goal): (usize, &Goal)| match goal {

@@ -1,4 +1,4 @@
-//! Particles at the start and particles that fall in: from the file as written to [`Fill`] and [`Rain`].
+//! Initial particles and rain, from the parsed file to [`Fill`] and [`Rain`].
 
 use super::matter::Shapes;
 use super::orientations::orientations;
@@ -17,23 +17,22 @@ use crate::sim::start::DEEPEST_START;
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Width of a cell of rain or lattice, in largest bounding diameters, if the file does not say.
+/// Default width of a cell of rain or lattice, in largest bounding diameters.
 const ROOMY: f64 = 1.1;
-/// So many listed particles at most lie within others when the start is looked at pair by pair.
+/// Largest number of listed particles within others for which the start is still checked pair by pair.
 const MOST_CROWDED: u64 = 1000;
-/// Upper limit on the particle count; larger values are taken for typing errors.
+/// Upper limit of the particle count; larger values are taken for typing errors.
 const MOST: f64 = 1e12;
 
-/// What the reading of a fill looks at.
+/// Data for reading fills.
 pub(super) struct Fills<'a> {
     pub(super) shapes: &'a Shapes,
     pub(super) domain: Option<&'a Cell>,
     pub(super) gravity: Vec3,
-    /// Of the scene's file.
+    /// Folder of the scene's file.
     pub(super) folder: &'a Path,
-    /// May particles be held, which then may overlap?
+    /// May particles be held, and so overlap?
     pub(super) any_held: bool,
-    /// Of the scene.
     pub(super) seed: u64,
 }
 
@@ -103,7 +102,7 @@ impl Fills<'_> {
             return None;
         }
         let library = &self.shapes.library;
-        // A shape with a mistake has no mass.
+        // A shape with an error has no mass.
         Some(if by? == By::Mass && self.shapes.complete {
             Mix::by_mass(&shares, |shape| library.mean_mass(shape))
         } else {
@@ -111,7 +110,7 @@ impl Fills<'_> {
         })
     }
 
-    /// The largest bounding diameter, if all shapes are known.
+    /// Largest bounding diameter, if all shapes are known.
     fn diameter(&self, mix: Option<&Mix>) -> Option<f64> {
         mix.filter(|_| self.shapes.complete).map(|mix| 2.0 * self.shapes.largest_radius(mix))
     }
@@ -144,7 +143,7 @@ impl Fills<'_> {
             Some(cylinder) => cylinder.as_ref()?.bounds()?,
             None => self.slab(domain, spacing, low?, high?),
         };
-        // What is free of it is known with the walls.
+        // The free places are counted once the walls are known.
         let within = cylinder.flatten().map(|region| Within { region, places: 0, free: 0 });
         let (mix, count, every, orientations) = (mix?, count?, every?, orientations?);
         let rain = Rain { mix, count, every, low, high, spacing, velocity, orientations, within };
@@ -166,7 +165,7 @@ impl Fills<'_> {
         Some(rain)
     }
 
-    /// Has the domain room for what rains? Grains are counted as the smallest of the mix.
+    /// Checks that the domain has room for the rain. Particles count with the smallest size of the mix.
     fn check_room(&self, section: &Section, rain: &Rain, domain: &Cell) {
         let least = least_volume(&rain.mix, &self.shapes.library);
         let room = domain.volume();
@@ -180,8 +179,7 @@ impl Fills<'_> {
         }
     }
 
-    /// The slab of a layer: where the file does not say, one cell thick on the side from which gravity
-    /// pulls (the top, without gravity).
+    /// Slab of a layer: by default one cell thick, on the side from which gravity pulls (the top, without gravity).
     fn slab(
         &self,
         domain: &Cell,
@@ -260,7 +258,7 @@ impl Fills<'_> {
         })
     }
 
-    /// Neighbours on a lattice overlap, whatever their orientations, if the spheres in them do.
+    /// Rejects a spacing at which neighbours on a lattice overlap in any orientation, because their inscribed spheres do.
     fn check_spacing(
         &self,
         section: &Section,
@@ -296,7 +294,7 @@ impl Fills<'_> {
             let path = self.folder.join(given.text()?);
             let names: Vec<&str> = self.shapes.names.all.iter().map(String::as_str).collect();
             if names.is_empty() {
-                // That there are no shapes has been said.
+                // Missing shapes have been reported.
                 return None;
             }
             let wrong = |row: &Listed| {
@@ -325,8 +323,8 @@ impl Fills<'_> {
         rows.map(Fill::Listed)
     }
 
-    /// What is wrong with listed particles of which more overlap than can be looked at pair by pair, as in another unit than their
-    /// radii. Their places are sorted into cells so small that two particles of like size in one overlap too deep.
+    /// Error for listed particles with more overlaps than can be checked pair by pair, for example by a wrong unit. Their
+    /// places are sorted into cells so small that two particles of like size in one cell overlap too deeply.
     fn crowd(&self, initial: &[Option<Fill>]) -> Option<String> {
         let shapes = Some(&self.shapes.library.shapes).filter(|_| self.shapes.complete)?;
         let mut first_in: HashMap<(i32, [u64; 3]), u64> = HashMap::new();
@@ -352,7 +350,7 @@ impl Fills<'_> {
     }
 }
 
-/// How many there are along an axis.
+/// Number along an axis.
 fn count(given: &Given) -> Option<u32> {
     let count = u32::try_from(given.whole()?).ok();
     if count.is_none() {
@@ -361,7 +359,7 @@ fn count(given: &Given) -> Option<u32> {
     count
 }
 
-/// How many cells fit between two corners, or into the cylinder that they are around, at least one along each axis.
+/// Number of cells between two corners, or in the cylinder that they enclose, at least one along each axis.
 fn cells_between(
     section: &Section,
     is_round: bool,
@@ -402,7 +400,7 @@ fn is_possible(section: &Section, count: f64) -> bool {
     count <= MOST
 }
 
-/// How a box reaches out of the domain, in words.
+/// Message for a box that reaches out of the domain.
 pub(super) fn reaching(Beyond { axis, place, ends }: &Beyond) -> String {
     let ([from, to], [low, high]) = (place, ends);
     format!(
@@ -410,7 +408,7 @@ pub(super) fn reaching(Beyond { axis, place, ends }: &Beyond) -> String {
     )
 }
 
-/// A place, as messages have it.
+/// A place in messages.
 fn written(position: &Vec3) -> String {
     format!("[{:?}, {:?}, {:?}] m", position.x, position.y, position.z)
 }

@@ -1,4 +1,4 @@
-//! Inlets and outlets: from the file as written.
+//! Inlets and outlets, from the parsed file.
 
 use super::fills::{Fills, reaching};
 use super::orientations::orientations;
@@ -14,16 +14,16 @@ use crate::output::table::has_column;
 use crate::population::Library;
 use crate::random::Random;
 
-/// Steps between looks of an outlet, if the file does not say.
+/// Default steps between checks of an outlet.
 const LOOK_EVERY: u64 = 10;
-/// Steps between times at which grains of an inlet appear, if the file does not say.
+/// Default steps between insertions of an inlet.
 const ENTER_EVERY: u64 = 100;
-/// What names of files cannot hold, on one system or another.
+/// Characters that file names cannot hold on some systems.
 const UNFIT_FOR_FILES: [char; 9] = ['/', '\\', ':', '*', '?', '"', '<', '>', '|'];
 /// Longest name with a list [bytes]. Systems allow 255 for the name of a file.
 const LONGEST_LISTED: usize = 200;
 
-/// All `[[outlet]]`.
+/// Reads all `[[outlet]]`.
 pub(super) fn outlets(root: &Section, domain: Option<&Cell>) -> Option<Vec<Outlet>> {
     let mut names = Vec::new();
     let read = |section: &Section| {
@@ -43,19 +43,19 @@ pub(super) fn outlets(root: &Section, domain: Option<&Cell>) -> Option<Vec<Outle
         }
         Some(Outlet { name: name?, region, every: every?, list: list? })
     };
-    // All are read, so that all mistakes come at once.
+    // All are read, so that all errors are reported at once.
     let all: Vec<Option<Outlet>> = root.sections("outlet").iter().map(read).collect();
     all.into_iter().collect()
 }
 
-/// Refuses outlets that take grains away where they appear.
+/// Rejects outlets that take particles away where they appear.
 pub(super) fn check_apart(
     root: &Section,
     (inlets, rain): (Option<&Vec<Inlet>>, Option<(&Rain, &Library)>),
     outlets: Option<&Vec<Outlet>>,
     domain: Option<&Cell>,
 ) {
-    /// Places of a region that are looked at.
+    /// Number of places of a region that are checked.
     const PLACES: u64 = 64;
     let (Some(outlets), Some(cell)) = (outlets, domain) else { return };
     let taken = |places: Vec<Vec3>| {
@@ -89,7 +89,7 @@ pub(super) fn check_apart(
     }
 }
 
-/// All `[[inlet]]`.
+/// Reads all `[[inlet]]`.
 pub(super) fn inlets(root: &Section, fills: &Fills) -> Option<Vec<Inlet>> {
     let mut names = Vec::new();
     let sections = root.sections("inlet");
@@ -164,7 +164,7 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
     })
 }
 
-/// Is there to be a list of what passes? It is a file that has the name of the inlet or outlet in its own.
+/// Is a list of passing particles requested? It is a file with the name of the inlet or outlet in its name.
 fn list(section: &Section, name: Option<&str>) -> Option<bool> {
     section.read_or("list", false, |given| {
         let list = given.boolean()?;
@@ -182,7 +182,7 @@ fn list(section: &Section, name: Option<&str>) -> Option<bool> {
     })
 }
 
-/// A name that no other has, and of which columns of `history.csv` are not those of another: masses end in `_kg`.
+/// A unique name whose columns of `history.csv` differ from those of the others: columns of masses end in `_kg`.
 fn name(section: &Section, names: &mut Vec<String>) -> Option<String> {
     section.require("name").and_then(|given| {
         let name = given.text()?.to_owned();

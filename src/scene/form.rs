@@ -1,5 +1,5 @@
-//! Is a scene of the form that the table of keys says: has it the keys, types and ranges? All that is not is reported, before readers look
-//! at what values mean.
+//! Check of keys, types and ranges of a scene against the table of keys. All errors are reported before readers interpret
+//! the values.
 
 use super::geometry;
 use super::input::Value;
@@ -8,7 +8,7 @@ use super::mistakes::{not_there, suggestion};
 use super::reader::{EXACT, Given, Section};
 use crate::shape::{LENGTHS, Superellipsoid};
 
-/// Looks at a value and all in it.
+/// Checks a value and everything in it.
 pub(super) fn check(given: &Given) {
     let kinds = if let Kind::Either(kinds) = given.kind {
         &kinds[..]
@@ -16,7 +16,7 @@ pub(super) fn check(given: &Given) {
         std::slice::from_ref(given.kind)
     };
     match kinds.iter().find(|kind| fits(kind, &given.node.value)) {
-        // Another word may stand for something else.
+        // Another word may be one of a different kind.
         Some(Kind::Words(words)) if kinds.len() > 1 && !is_of(given, words) => {
             given.fail(format!("must be {}", Allowed(given.kind, given.unit)));
         }
@@ -25,7 +25,7 @@ pub(super) fn check(given: &Given) {
     }
 }
 
-/// Is a value of a type, whatever its range?
+/// Is a value of a type, in any range?
 const fn fits(kind: &Kind, value: &Value) -> bool {
     match kind {
         Kind::Number(_) | Kind::Whole(_) => matches!(value, Value::Integer(_) | Value::Number(_)),
@@ -37,7 +37,7 @@ const fn fits(kind: &Kind, value: &Value) -> bool {
     }
 }
 
-/// What was expected, for a value of another type.
+/// Reports the expected type of a value.
 fn expected(given: &Given) {
     let header = &given.path;
     let is_table = |kind: &Kind| matches!(kind, Kind::Table(_));
@@ -111,7 +111,7 @@ fn check_one(given: &Given, kind: &'static Kind) {
     }
 }
 
-/// Behind the range of exponents.
+/// Hint after the range of exponents.
 const OF_EXPONENTS: &str = ": 2 / n for powers of n, so 0.25 for 8 (a box, a cylinder, an octahedron or a cone is a `polyhedron`, with round \
     edges a `rounded-polyhedron`)";
 
@@ -151,7 +151,7 @@ fn check_table(section: &Section) {
     }
 }
 
-/// What is said of a key that must be there.
+/// Message about a missing required key.
 fn missing(key: &Key) -> String {
     let Key { name, kind, unit, meaning, .. } = key;
     let needed = |keys: &Keys| {

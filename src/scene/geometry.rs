@@ -1,4 +1,4 @@
-//! The geometry of a shape: from the file as written.
+//! Geometry of a shape, from the parsed file.
 
 use super::reader::{Given, Section};
 use crate::math::Vec3;
@@ -10,14 +10,14 @@ use crate::shape::{
 };
 use std::path::Path;
 
-/// How a kind is written: its keys and what reads them. Paths of meshes are relative to the folder.
+/// Keys of a kind of shape, and their reader. Paths of meshes are relative to the folder.
 #[derive(Clone, Copy)]
 struct Reader {
     keys: &'static [&'static str],
     read: fn(&Section, &Path) -> Option<Shape>,
 }
 
-/// `None` for what is no grain.
+/// `None` for kinds that particles cannot have.
 fn reader(kind: Kind) -> Option<Reader> {
     let (keys, read): (&[_], fn(&Section, &Path) -> _) = match kind {
         Kind::Sphere => (&["radius", "diameter"], sphere),
@@ -31,19 +31,19 @@ fn reader(kind: Kind) -> Option<Reader> {
         Kind::RoundedPolyhedron => {
             (&["vertices", "edges", "file", "scale", "radius"], rounded_polyhedron)
         }
-        // Read by `pieces::union`, which knows the other shapes.
+        // Read by `pieces::union`, which has access to the other shapes.
         Kind::Union => (&["pieces", "file", "files", "scale", "tolerance"], |_, _| None),
         Kind::Other | Kind::HalfSpace | Kind::TriangleMesh => return None,
     };
     Some(Reader { keys, read })
 }
 
-/// The keys of a kind, some of which stand for each other; `None` for what is no grain.
+/// Keys of a kind, some of which are alternatives; `None` for kinds that particles cannot have.
 pub(super) fn keys(kind: Kind) -> Option<&'static [&'static str]> {
     reader(kind).map(|reader| reader.keys)
 }
 
-/// May a shape of this kind have a key? One of an unknown kind may have those of all.
+/// May a shape of this kind have a key? One of an unknown kind may have all keys.
 pub(super) fn has(kind: Option<Kind>, key: &str) -> bool {
     let own = kind.and_then(keys);
     let is_of_kinds = || Kind::ALL.into_iter().filter_map(keys).any(|keys| keys.contains(&key));
@@ -57,7 +57,7 @@ pub(super) fn has_key(section: &Section, key: &str) -> bool {
     has(Kind::ALL.into_iter().find(|kind| Some(kind.name()) == word), key)
 }
 
-/// The shape that a section means.
+/// Shape of a section.
 pub(super) fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
     let readers: Vec<(&str, Reader)> =
         Kind::ALL.into_iter().filter_map(|kind| Some((kind.name(), reader(kind)?))).collect();
@@ -65,7 +65,7 @@ pub(super) fn geometry(section: &Section, folder: &Path) -> Option<Shape> {
     (reader.read)(section, folder)
 }
 
-/// Is the shape of a section one of others?
+/// Is the shape of a section a union of others?
 pub(super) fn is_union(section: &Section) -> bool {
     section.get("kind").as_ref().and_then(Given::text) == Some(Kind::Union.name())
 }
@@ -142,19 +142,19 @@ fn polyhedron(section: &Section, folder: &Path) -> Option<Shape> {
 
 fn rounded_polyhedron(section: &Section, folder: &Path) -> Option<Shape> {
     let radius = section.number("radius");
-    // Corners are checked whatever the radius.
+    // Corners are checked for any radius.
     let rounded = |points: &[Vec3]| RoundedPolyhedron::new(points, radius.unwrap_or_default());
     let solid = solid(section, folder, rounded)?;
     radius.map(|_| Shape::RoundedPolyhedron(Box::new(solid)))
 }
 
-/// The corners of a box with edges of these lengths along x, y and z, about the origin [m].
+/// Corners of a box with edges of these lengths along x, y and z, about the origin [m].
 fn corners_of_box(edges: &Vec3) -> Vec<Vec3> {
     let side = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { -0.5 } else { 0.5 };
     (0..8).map(|corner| Vec3::from_fn(|axis, _| side(corner, axis) * edges[axis])).collect()
 }
 
-/// What `build` makes of the corners that the file gives one by one, by a box or as a mesh.
+/// Result of `build` for corners given one by one, by a box or as a mesh.
 fn solid<T>(
     section: &Section,
     folder: &Path,

@@ -1,4 +1,4 @@
-//! Groups of particles that are held or pushed: from the file as written to [`Group`].
+//! Groups of held or pushed particles, from the parsed file to [`Group`].
 
 use super::Inlet;
 use super::Mix;
@@ -16,7 +16,7 @@ use crate::math::{Vec3, printed_limit};
 use crate::population::Library;
 use std::path::Path;
 
-/// As many groups as have numbers.
+/// Largest number of groups, by their numbers.
 const MOST_GROUPS: usize = u16::MAX as usize;
 
 /// Other parts of the scene.
@@ -25,7 +25,7 @@ pub(super) struct Around<'a, 'b> {
     pub(super) walls: &'a Walls<'b>,
     pub(super) domain: Option<&'a Cell>,
     pub(super) rain: Option<&'a Rain>,
-    /// [m/s²]
+    /// Gravity [m/s²].
     pub(super) gravity: Vec3,
     pub(super) folder: &'a Path,
 }
@@ -37,7 +37,7 @@ pub(super) fn any_held(root: &Section) -> bool {
         || root.sections("motion").iter().any(|motion| says(motion, &["groups"]))
 }
 
-/// All `[[group]]`. Inlets get the numbers of those that name them.
+/// Reads all `[[group]]`. Inlets get the numbers of the groups that name them.
 pub(super) fn read(
     root: &Section,
     around: &Around,
@@ -77,7 +77,7 @@ pub(super) fn read(
     all.into_iter().collect()
 }
 
-/// The particles; `number` is that of the group.
+/// Particles of a group; `number` is that of the group.
 fn who(section: &Section, around: &Around, inlets: &mut [Inlet], number: usize) -> Option<Who> {
     let shapes = section.read_or("shapes", Vec::new(), |given| {
         let items = if given.text().is_some() { vec![given.clone()] } else { given.list()? };
@@ -130,7 +130,7 @@ fn ids(section: &Section) -> Option<Vec<[u64; 2]>> {
     Some([single?, ranges?].concat())
 }
 
-/// Their motion.
+/// Motion of a group.
 fn what(section: &Section, around: &Around, name: &str) -> Option<What> {
     let Around { domain, walls, .. } = around;
     let fixed = section.boolean_or("fixed", false);
@@ -196,7 +196,7 @@ fn drag(section: &Section, gravity: Vec3) -> Option<Drag> {
     Some(Drag { law: law?, viscosity: viscosity?, density: density?, velocity: velocity?, lift })
 }
 
-/// Refuses held groups of particles that come within the stage: they would stay where they appear.
+/// Rejects held groups of particles that come within the stage: they would stay where they appear.
 fn check_newcomers(section: &Section, group: &Group, around: &Around, inlets: &[Inlet]) {
     if !group.is_held() {
         return;
@@ -212,7 +212,8 @@ fn check_newcomers(section: &Section, group: &Group, around: &Around, inlets: &[
     }
 }
 
-/// Looks whether groups move too far in a step of `dt` [s], or drag is too strong for it.
+/// Checks that groups do not move too far in a step of `dt` [s], and that drag is not too strong
+/// for it.
 pub(super) fn check_speeds(root: &Section, groups: &[Group], library: &Library, dt: f64) {
     for (section, group) in root.sections("group").iter().zip(groups) {
         match &group.what {

@@ -1,5 +1,4 @@
-//! The user's file as it is written: TOML whose every value knows its place, with the overrides of the
-//! command line applied.
+//! The user's file as TOML values with their locations, with the overrides of the command line applied.
 
 use super::mistakes::{Location, Mistakes, suggestion};
 use crate::text::{Lines, shown};
@@ -10,7 +9,7 @@ use toml::de::{DeString, DeTable, DeValue};
 /// A table of the file.
 pub(super) type Table = BTreeMap<String, Node>;
 
-/// A value and where it was given.
+/// A value with its location.
 #[derive(Clone, Debug)]
 pub(super) struct Node {
     pub(super) value: Value,
@@ -59,7 +58,7 @@ impl Value {
 
 // --- from text ---
 
-/// What is wrong, and the text that it is about where the reader points at a piece of a line.
+/// Message for text that is not TOML, with the piece to which the parser points.
 fn not_toml(text: &str, message: &str, span: Option<std::ops::Range<usize>>) -> String {
     let cure = span.as_ref().and_then(|span| bare_point(text, span.start));
     let cure = cure.map_or_else(String::new, |cure| format!("; write {cure}"));
@@ -70,14 +69,14 @@ fn not_toml(text: &str, message: &str, span: Option<std::ops::Range<usize>>) -> 
     }
 }
 
-/// The number at this place as TOML has it, with digits before and after its point.
+/// The number at this place in valid TOML, with digits before and after its point.
 fn bare_point(text: &str, place: usize) -> Option<String> {
     let (before, after) = text.split_at_checked(place)?;
     let is_part = |c: char| c.is_ascii_alphanumeric() || "+-._".contains(c);
     let begin = before.trim_end_matches(is_part).len();
     let end = place + (after.len() - after.trim_start_matches(is_part).len());
     let number = &text[begin..end];
-    // What is no number without the point is none with it.
+    // A text that is no number without the point is no number with it.
     number.replace('_', "").parse::<f64>().ok()?;
     let (whole, part) = number.split_once('.')?;
     let whole = if whole.ends_with(|c: char| c.is_ascii_digit()) {
@@ -94,7 +93,7 @@ fn bare_point(text: &str, place: usize) -> Option<String> {
     (written != number).then(|| shown(written))
 }
 
-/// What a text says, or `None` if it is not TOML (the report says where); `at` is where its lines are.
+/// Parses a text; `None` if it is not TOML, which is reported. `at` gives the location of a line.
 pub(super) fn read(
     text: &str,
     at: &dyn Fn(usize) -> Location,
@@ -119,7 +118,7 @@ pub(super) fn to_text(root: &Node) -> String {
     toml::to_string_pretty(&root.value.to_toml()).expect("a table of plain values is valid TOML")
 }
 
-/// `location` knows where an offset in the text is.
+/// Converts a table; `location` gives the location of an offset in the text.
 fn table_of(table: &DeTable, location: &dyn Fn(usize) -> Location) -> Table {
     let entry = |(key, value): (&Spanned<DeString>, &Spanned<DeValue>)| {
         let node = Node {
@@ -136,7 +135,7 @@ fn value_of(value: &DeValue, location: &dyn Fn(usize) -> Location) -> Value {
         DeValue::Boolean(b) => Value::Boolean(*b),
         DeValue::Integer(i) => match i64::from_str_radix(i.as_str(), i.radix()) {
             Ok(i) => Value::Integer(i),
-            // Too long for an integer: refused where a whole number is wanted.
+            // Too long for an integer: rejected where a whole number is required.
             Err(_) if i.radix() == 10 => Value::Number(i.as_str().parse().unwrap_or(f64::INFINITY)),
             Err(_) => {
                 let radix = f64::from(i.radix());
@@ -185,7 +184,7 @@ fn apply(root: &mut Node, text: &str, location: &Location) -> Result<(), String>
     put(root, &path, Node { value, location: location.clone() })
 }
 
-/// The keys of a dotted path, read as TOML reads them; keys that TOML wants in quotes, as `+z`, may do without.
+/// Keys of a dotted path, read like TOML; keys that TOML requires in quotes, like `+z`, work without.
 fn keys_of(path: &str) -> Option<Vec<String>> {
     let line = format!("{path} = 0");
     let mut keys = Vec::new();
@@ -201,12 +200,12 @@ fn keys_of(path: &str) -> Option<Vec<String>> {
             return None;
         }
     }
-    // A path that is a comment has none.
+    // A path that is a comment has no keys.
     (!keys.is_empty()).then_some(keys)
 }
 
-/// Puts a value where the path leads. Tables on the way are made if they are missing: whether their
-/// names exist is found when the scene is read.
+/// Puts a value at a path. Missing tables on the way are created; their names are checked when the scene is
+/// read.
 fn put(node: &mut Node, path: &[String], new: Node) -> Result<(), String> {
     let Some((key, rest)) = path.split_first() else {
         *node = new;
@@ -232,7 +231,7 @@ fn put(node: &mut Node, path: &[String], new: Node) -> Result<(), String> {
     }
 }
 
-/// What an item of a list is called in a path: its `name`, or else its index.
+/// Name of a list item in a path: its `name`, or else its index.
 pub(super) fn name_of(item: &Node, index: usize) -> String {
     match &item.value {
         Value::Table(table) => match table.get("name").map(|node| &node.value) {

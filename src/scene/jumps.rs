@@ -1,4 +1,4 @@
-//! What becomes of the forces where a stage takes up a snapshot with other constants of contacts than it was made with.
+//! Changes of contact forces where a stage starts from a snapshot made with other contact constants.
 
 use super::input;
 use super::laws;
@@ -10,12 +10,12 @@ use crate::law::{Beside, Body, Choice, ForceLaw, hertz};
 use crate::population::Library;
 use std::collections::BTreeSet;
 
-/// A constant that differs by less than this part is the same.
+/// Largest relative difference of equal constants.
 const SAME: f64 = 1e-9;
-/// So many pairs of materials are named.
+/// Number of pairs of materials that a warning names.
 const NAMED: usize = 3;
 
-/// What contacts of two materials do.
+/// Force constants of contacts of two materials.
 struct Forces {
     /// Normal force per overlap [N/m], or Young's modulus of contacts [Pa].
     normal: f64,
@@ -60,12 +60,12 @@ impl Forces {
         Self { normal: c.modulus, tangential, dashpots, sticks: 0.0 }
     }
 
-    /// What differs from those of before, where contacts press so many times as hard.
+    /// Differences from the previous constants, where contacts press `pressed` times as hard.
     fn changes(&self, before: &Self, pressed: f64) -> Vec<String> {
         let times = |what: &str, how: &str, now: f64, before: f64| {
             let ratio = now / before;
             let is_same = now == before || (ratio - 1.0).abs() < SAME;
-            // What begins or ends at once is friction, which the stage is asked for.
+            // Friction that is switched on or off is an intended change.
             let is_both = now > 0.0 && before > 0.0;
             (!is_same && is_both).then(|| format!("{what} {} as {how} as before", as_often(ratio)))
         };
@@ -86,7 +86,7 @@ impl Forces {
     }
 }
 
-/// A ratio in words.
+/// A ratio in text form.
 fn as_often(ratio: f64) -> String {
     let digits = format!("{ratio:.3}");
     let short = digits.trim_end_matches('0').trim_end_matches('.');
@@ -97,8 +97,8 @@ fn as_often(ratio: f64) -> String {
     }
 }
 
-/// How many times as hard contacts with the first press as with the second, of laws whose forces go otherwise with the overlap: about, at
-/// the overlap for which the step of the one that stiffens is found.
+/// Approximate force ratio of contacts between two laws whose forces depend differently on the overlap. It holds at the
+/// overlap for which the step of the stiffening law is chosen.
 fn pressed_by_laws(
     laws: &[Box<dyn ForceLaw>; 2],
     library: &Library,
@@ -108,15 +108,15 @@ fn pressed_by_laws(
     let Some((shape, scale)) = library.extremes().find(of_material) else { return f64::NAN };
     let body = Body::of(library, shape, scale);
     let [now, before] = laws.each_ref().map(|law| {
-        // Of Hertz the force is two thirds of the stiffness times the overlap.
+        // For Hertz the force is two thirds of the stiffness times the overlap.
         let share = if law.about().hardest_up_to().is_some() { 2.0 / 3.0 } else { 1.0 };
         share * law.about().hardest(&body, b, 0.5 * body.mass).stiffness
     });
     now / before
 }
 
-/// A warning about contacts of a snapshot that will press, rub or stick otherwise; `before` is its scene, as text. One that is no scene
-/// of this program says nothing.
+/// A warning about contacts of a snapshot that will press, rub or stick differently. `before` is its scene as text; a text
+/// that is no scene of this program gives no warning.
 pub(super) fn jumps(
     before: &str,
     materials: &Materials,

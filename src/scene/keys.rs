@@ -1,30 +1,30 @@
-//! The keys of a scene file: one table, which the documentation of [`super`] shows, and from which come the reader, the JSON schema,
-//! and the list for the terminal.
+//! Keys of a scene file: one table, which the documentation of [`super`] shows. The reader, the JSON schema and the list
+//! for the terminal are derived from it.
 
 use super::kind::{Key, Keys, Kind};
 use std::sync::LazyLock;
 
 /// The table of the documentation: key, unit, kind, meaning.
 const TABLE: &str = include_str!("keys.md");
-/// No line is longer.
+/// Largest width of lines.
 const WIDTH: usize = 110;
-/// Where meanings begin.
+/// Column in which meanings begin.
 const INDENT: usize = 30;
 
 /// A row of the list.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Row {
-    /// As it stands in the file: `domain`, `fill.lattice`; empty at the top.
+    /// Name in the file: `domain`, `fill.lattice`; empty at the top.
     pub table: String,
-    /// There may be several such tables: `[[wall]]`.
+    /// Can there be several such tables, like `[[wall]]`?
     pub is_list: bool,
-    /// `low`, `high`; none in the row of a table itself.
+    /// Names, like `low`, `high`; empty in the row of a table itself.
     pub names: Vec<String>,
-    /// Unit, or empty; one for all names, or one for each with commas between.
+    /// Unit, or empty; one for all names, or one for each, separated by commas.
     pub unit: String,
-    /// What values may be, and whether there must be one; one for all names, or one for each with semicolons between.
+    /// Allowed values, and whether they are required; one for all names, or one for each, separated by semicolons.
     pub kind: String,
-    /// What it means, and its default.
+    /// Meaning and default.
     pub meaning: String,
 }
 
@@ -46,7 +46,7 @@ pub fn all() -> Vec<Row> {
     rows.collect()
 }
 
-/// What a scene may be: the tree that the rows make.
+/// Allowed content of a scene: the tree of the rows.
 pub(super) static SCENE: LazyLock<Kind> = LazyLock::new(|| {
     let rows = all();
     let mut tables: Vec<(&Row, Keys)> = Vec::new();
@@ -77,7 +77,7 @@ pub(super) static SCENE: LazyLock<Kind> = LazyLock::new(|| {
     Kind::Table(root)
 });
 
-/// The keys in the rows of a table; some are as in tables before.
+/// Keys in the rows of a table; some refer to earlier tables.
 fn keys_of(rows: &[Row], tables: &[(&Row, Keys)]) -> Keys {
     let mut keys = Keys { table: Some(rows[0].table.clone()), ..Keys::default() };
     for row in rows {
@@ -94,7 +94,7 @@ fn keys_of(rows: &[Row], tables: &[(&Row, Keys)]) -> Keys {
                 let meaning = described(unit, &row.meaning);
                 Key { name: name.clone(), unit: unit.to_owned(), kind, required, meaning }
             };
-            // A key of two kinds of shape stands in two rows.
+            // A key of two kinds of shape has two rows.
             match keys.all.iter_mut().find(|known| known.name == *name) {
                 Some(known) => {
                     debug_assert_eq!((&known.kind, &known.unit), (&key.kind, &key.unit), "{name}");
@@ -107,7 +107,7 @@ fn keys_of(rows: &[Row], tables: &[(&Row, Keys)]) -> Keys {
     keys
 }
 
-/// That part of a cell which is of one of several names, if each has a part of its own.
+/// Part of a cell for one of several names, if each has a separate part.
 fn of_name<'a>(cell: &'a str, between: &str, name: usize, row: &Row) -> &'a str {
     let parts: Vec<&str> = cell.split(between).collect();
     if parts.len() == row.names.len() { parts[name] } else { cell }
@@ -122,7 +122,7 @@ fn described(unit: &str, meaning: &str) -> String {
 /// The list of one table, or of all, as text.
 ///
 /// # Errors
-/// No such table: what there is.
+/// If there is no such table; the text lists the tables.
 pub fn text(table: Option<&str>) -> Result<String, String> {
     let (mut text, mut before) = (String::new(), None);
     let asked = table.map(|name| name.trim_matches(['[', ']']));
@@ -175,7 +175,7 @@ fn quoted(cell: &str) -> Vec<String> {
     cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// Without the marks of Markdown, and without the names of modules, which a terminal cannot follow.
+/// Text without Markdown and without names of modules, which have no use in a terminal.
 fn plain(cell: &str) -> String {
     let mut text = cell.to_owned();
     while let Some(begin) = text.find(" ([`") {

@@ -1,30 +1,31 @@
-//! What a value of a scene may be, as the table of keys says it: `number > 0`, `[x, y, z]`, `number > 0 or "auto"`.
+//! Allowed values of a scene, in the notation of the table of keys: `number > 0`, `[x, y, z]`,
+//! `number > 0 or "auto"`.
 
 use std::fmt;
 
-/// What a value may be.
+/// Allowed values of a key.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Kind {
     /// A finite number.
     Number(Range),
-    /// A whole number, at least this one.
+    /// A whole number, at least this large.
     Whole(u64),
     Boolean,
-    /// Not empty.
+    /// A text that is not empty.
     Text,
-    /// The path of a file, relative to that of the scene.
+    /// Path of a file, relative to the scene's folder.
     File,
-    /// One of these.
+    /// One of these words.
     Words(Vec<String>),
-    /// As many items as there are names; without names at least so many.
+    /// One item per name; without names at least `least` items.
     List {
         names: Vec<String>,
         least: usize,
         item: Box<Kind>,
     },
-    /// A table of these keys.
+    /// A table with these keys.
     Table(Keys),
-    /// A table whose keys are names, at least one.
+    /// A table whose keys are free names, at least one.
     Named(Box<Kind>),
     Either(Vec<Kind>),
 }
@@ -32,10 +33,10 @@ pub(super) enum Kind {
 /// The keys of a table.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Keys {
-    /// What it is called in the file, as `fill.rain`, empty at the top; none within a value.
+    /// Name in the file, like `fill.rain`; empty at the top, `None` within a value.
     pub(super) table: Option<String>,
     pub(super) all: Vec<Key>,
-    /// Which of the keys go together, each with what it needs, if not all of them do.
+    /// Sets of keys that go together, each with its required keys, if not all of them do.
     pub(super) ways: Vec<Keys>,
 }
 
@@ -43,11 +44,11 @@ pub(super) struct Keys {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Key {
     pub(super) name: String,
-    /// Of its numbers, or empty.
+    /// Unit of its numbers, or empty.
     pub(super) unit: String,
     pub(super) kind: Kind,
     pub(super) required: bool,
-    /// What it means, after its unit; empty within a value.
+    /// Meaning, after its unit; empty within a value.
     pub(super) meaning: String,
 }
 
@@ -56,7 +57,7 @@ impl Keys {
         self.all.iter().find(|key| key.name == name)
     }
 
-    /// All that the ways have, none of which is required.
+    /// All keys of the ways, none of which is required.
     fn of_ways(ways: Vec<Self>) -> Self {
         let mut all: Vec<Key> = Vec::new();
         for key in ways.iter().flat_map(|way| &way.all) {
@@ -68,7 +69,7 @@ impl Keys {
     }
 }
 
-/// Which numbers are allowed: from one to another, ends included or not.
+/// Allowed numbers: an interval, with or without its ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Range {
     pub(super) least: f64,
@@ -90,7 +91,8 @@ impl Range {
 // --- from the table ---
 
 impl Kind {
-    /// Of a cell of the table, which may have several, separated by semicolons; `unit` is that of the numbers.
+    /// Parses a cell of the table, which may hold several kinds, separated by semicolons; `unit` is that of the
+    /// numbers.
     pub(super) fn parse(cell: &str, unit: &str) -> Self {
         let mut parser = Parser { rest: cell, unit };
         let kind = parser.kind();
@@ -115,7 +117,7 @@ impl<'a> Parser<'a> {
         assert!(self.eat(token), "keys.md: no `{token}` before `{}`", self.rest);
     }
 
-    /// What stands before a mark, which is left out.
+    /// Text before a mark; the mark is skipped.
     fn until(&mut self, mark: char) -> &'a str {
         let (before, rest) = self.rest.split_once(mark).expect("keys.md closes what it opens");
         self.rest = rest;
@@ -210,7 +212,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// What stands between braces: `name = kind [unit]`, with a question mark behind names that may be left out.
+    /// Keys between braces: `name = kind [unit]`, with a question mark behind optional names.
     fn keys(&mut self) -> Keys {
         let mut keys = Keys::default();
         loop {
@@ -242,7 +244,7 @@ impl<'a> Parser<'a> {
 
 // --- in messages ---
 
-/// What may stand somewhere, with the unit of its numbers, as messages name it.
+/// Allowed values, with the unit of the numbers, for messages.
 pub(super) struct Allowed<'a>(pub(super) &'a Kind, pub(super) &'a str);
 
 impl fmt::Display for Allowed<'_> {

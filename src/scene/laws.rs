@@ -1,6 +1,6 @@
 //! The law of the scene: its `kind` and settings in `[law]`, its constants in `[[material]]` and `[[interaction]]`.
 //!
-//! Another law has a [`Kind`] of its own, its settings in [`kind`], and a function that reads its constants.
+//! Another law needs a [`Kind`], its settings in [`kind`], and a function that reads its constants.
 
 use super::matter::Materials;
 use super::reader::Section;
@@ -21,36 +21,36 @@ use std::ops::Bound;
 pub(super) enum Kind {
     /// Linear springs and dashpots with friction.
     Linear {
-        /// How dashpots act.
+        /// Options of dashpots.
         dashpots: Dashpots,
     },
     /// Elastic bodies.
     Hertz {
-        /// How dashpots act.
+        /// Options of dashpots.
         dashpots: Dashpots,
-        /// Does `tangential` ask for friction?
+        /// Is `tangential` friction requested?
         mindlin: bool,
-        /// The overlap that the time step is made for.
+        /// Largest overlap that the time step allows for.
         largest_overlap: LargestOverlap,
     },
 }
 
-/// The overlap that the time step of elastic bodies is made for.
+/// Largest overlap that the time step of elastic bodies allows for.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum LargestOverlap {
-    /// Over the radius, or that of the largest sphere in a grain about its centre, as the scene says [-].
+    /// Given in the scene, over the radius, or that of the largest sphere in a particle about its centre [-].
     Given(f64),
-    /// That of grains under the stress on walls.
+    /// From the overlap of particles under the stress on walls.
     Under {
-        /// The highest of all servos [Pa].
+        /// Highest stress of all servos [Pa].
         servos: f64,
-        /// How much more it becomes, as other walls are driven [-].
+        /// Factor on it if other walls are driven [-].
         times: f64,
     },
 }
 
 impl LargestOverlap {
-    /// Over the radius, between materials of these constants, where free walls press with a stress [Pa], [-].
+    /// Overlap over the radius between materials of these constants, if free walls press with a stress [Pa], [-].
     fn value(self, interactions: &hertz::Interactions, of_free_walls: f64) -> f64 {
         match self {
             Self::Given(overlap) => overlap,
@@ -65,16 +65,15 @@ impl LargestOverlap {
     }
 }
 
-/// What `[law]` asks for beside forces.
+/// Additions to the forces that `[law]` requests.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Asked {
     rolling: bool,
     twisting: bool,
-    /// Attraction.
     adhesion: Adhesion,
 }
 
-/// Which attraction.
+/// Model of attraction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Adhesion {
     #[default]
@@ -95,22 +94,22 @@ impl Asked {
     }
 }
 
-/// Overlap over radius that the step of Hertzian contacts is made for, if neither the scene nor the load on its walls asks for more.
+/// Smallest overlap over radius that the step of Hertzian contacts allows for, unless the scene sets it.
 const LEAST_LARGEST_OVERLAP: f64 = 0.01;
-/// The most that a load makes of it.
+/// Largest value that a load gives it.
 const MOST_LARGEST_OVERLAP: f64 = 0.5;
 
-/// What the stress on walls becomes where others are driven, over that of servos and free walls: that at which grains of an angle
-/// of friction of 37 degrees yield.
+/// Factor on the stress of servos and free walls if other walls are driven: the stress ratio at which particles with a
+/// friction angle of 37 degrees yield.
 const DRIVEN: f64 = 4.0;
 
-/// The overlap under the highest stress that walls will have: of all servos, and more where walls are driven, too.
+/// Overlap under the highest stress of walls: that of all servos, and more if walls are driven too.
 fn under_load(root: &Section) -> LargestOverlap {
     let servos = walls::highest_stress(root);
     LargestOverlap::Under { servos, times: if walls::are_driven(root) { DRIVEN } else { 1.0 } }
 }
 
-/// The law that `[law]` asks for.
+/// Law requested by `[law]`.
 pub(super) fn kind(root: &Section) -> (Kind, Asked) {
     let linear = (Kind::Linear { dashpots: Dashpots::default() }, Asked::default());
     let law = root.read_or("law", linear, |given| {
@@ -120,7 +119,7 @@ pub(super) fn kind(root: &Section) -> (Kind, Asked) {
         let offered = [("linear", false), ("hertz", true)];
         let is_hertz = section.read_or("normal", false, |given| given.one_of(&offered))?;
         let asked = asked(&section, is_hertz);
-        // Adhesion attracts whatever dashpots do.
+        // Adhesion attracts regardless of dashpots.
         let is_jkr = asked.is_some_and(Asked::is_jkr);
         let dashpots = Dashpots { limited: limited? && !is_jkr, foreseen: foreseen? };
         let kind = parts(&section, is_hertz, dashpots, root);
@@ -129,7 +128,7 @@ pub(super) fn kind(root: &Section) -> (Kind, Asked) {
     law.unwrap_or(linear)
 }
 
-/// What there is beside forces.
+/// Additions to the forces.
 fn asked(section: &Section, is_hertz: bool) -> Option<Asked> {
     let spring = |key| {
         section.read_or(key, false, |given| given.one_of(&[("none", false), ("spring", true)]))
@@ -196,7 +195,7 @@ fn parts(section: &Section, is_hertz: bool, dashpots: Dashpots, root: &Section) 
     Some(Kind::Hertz { dashpots, mindlin, largest_overlap })
 }
 
-/// Refuses keys that only another normal law uses.
+/// Rejects keys that only another normal law uses.
 fn refuse(section: &Section, keys: &[&str], normal: &str) {
     for key in keys {
         section
@@ -204,7 +203,7 @@ fn refuse(section: &Section, keys: &[&str], normal: &str) {
     }
 }
 
-/// Says of the shapes of particles which the law cannot have; `false` if there are any.
+/// Reports the shapes of particles that the law cannot have; `false` if there are any.
 pub(super) fn check_shapes(root: &Section, law: &Choice, library: &Library) -> bool {
     let sections = root.sections("shape");
     let unfit = unfit(law, library);
@@ -226,7 +225,7 @@ pub(super) fn check_shapes(root: &Section, law: &Choice, library: &Library) -> b
     unfit.is_empty() && (surfaces.is_empty() || !is_jkr)
 }
 
-/// The first shape of particles that each part of the law cannot have, with the reason.
+/// First shape of particles that each part of the law cannot have, with the reason.
 pub(super) fn unfit(law: &Choice, library: &Library) -> Vec<(usize, String)> {
     let shapes = 0..library.particle_shapes;
     let first = |reason: &dyn Fn(&Shape, &str) -> Option<String>| {
@@ -290,13 +289,13 @@ fn unfit_for_jkr(shape: &Shape, name: &str) -> Option<String> {
     })
 }
 
-/// Can the ratio of its radii of curvature exceed that up to which Hertz's law is fitted?
+/// Can the ratio of its radii of curvature exceed the range in which Hertz's law is fitted?
 fn is_long(shape: &Shape) -> bool {
     let half = shape.half_lengths();
     half.max() / half.min() > LARGEST_RATIO.sqrt()
 }
 
-/// The materials, and the law with their constants, `None` if any is wrong.
+/// Materials, and the law with their constants; `None` if any is invalid.
 pub(super) fn materials(
     root: &Section,
     (kind, asked): (Kind, Asked),
@@ -323,7 +322,7 @@ pub(super) fn materials(
     }
 }
 
-/// The law made for the stress, too, with which walls that move freely press [Pa].
+/// Adapts the law to the stress of walls that move freely [Pa].
 pub(super) fn under_free_walls(mut law: Choice, (kind, _): (Kind, Asked), stress: f64) -> Choice {
     if let (Kind::Hertz { largest_overlap, .. }, Some(settings)) = (kind, law.hertz_mut()) {
         settings.largest_overlap = largest_overlap.value(&settings.interactions, stress);
@@ -331,7 +330,7 @@ pub(super) fn under_free_walls(mut law: Choice, (kind, _): (Kind, Asked), stress
     law
 }
 
-/// The materials, and the law of these constants with what is asked for beside it.
+/// Materials, and the law of these constants with the requested additions.
 fn with_more<C: Mixing + Default>(
     root: &Section,
     asked: Asked,
@@ -364,7 +363,7 @@ fn with_more<C: Mixing + Default>(
     (materials, law)
 }
 
-/// What attracts in contacts of a material, or of two, with what is left out taken from `mixed`.
+/// Attraction in contacts of a material, or of two, with missing values taken from `mixed`.
 fn of_adhesion(
     section: &Section,
     mixed: Option<&dmt::Constants>,
@@ -380,10 +379,10 @@ fn of_adhesion(
     Some(dmt::Constants { surface_energy: energy? })
 }
 
-/// Damping ratio of rolling and twisting springs, if the scene says nothing: that of Ai et al.
+/// Default damping ratio of rolling and twisting springs: that of Ai et al.
 const TURNING_DAMPING_RATIO: f64 = 0.3;
 
-/// What resists rolling and twisting in contacts of a material, or of two, with what is left out taken from `mixed`.
+/// Resistance to rolling and twisting in contacts of a material, or of two, with missing values taken from `mixed`.
 fn of_turning(
     section: &Section,
     mixed: Option<&rolling::Constants>,
@@ -415,11 +414,11 @@ fn of_turning(
     })
 }
 
-/// More materials than this have pairs that take seconds to look through.
+/// Largest number of materials; checking the pairs of more would take seconds.
 const MOST_MATERIALS: usize = 1000;
 
-/// The materials, and their constants as `read` finds them in a section: those of one material, or of two, with what is left
-/// out taken from the mixed ones.
+/// Materials, and their constants as `read` returns them for a section: those of one material, or of two, with missing
+/// values taken from the mixed ones.
 fn with_constants<C: Mixing + Default>(
     root: &Section,
     read: impl Fn(&Section, Option<&C>) -> Option<C>,
@@ -440,7 +439,7 @@ fn with_constants<C: Mixing + Default>(
         let pair = between(&section, &materials, &mut seen);
         let mixed = match (&interactions, pair) {
             (Some(interactions), Some((a, b))) => interactions.of(a, b),
-            // A mistake has been found; this one is only read for more of them.
+            // After an error this section is only read to find further errors.
             _ => C::default(),
         };
         let constants = read(&section, Some(&mixed));
@@ -454,7 +453,7 @@ fn with_constants<C: Mixing + Default>(
     (materials, interactions.filter(|_| complete))
 }
 
-/// Keys of materials that may be left out, with the value that means nothing.
+/// Optional keys of materials, with their neutral values.
 const MAY_BE_LEFT_OUT: [(&str, f64); 6] = [
     ("friction", 0.0),
     ("restitution", 1.0),
@@ -464,11 +463,11 @@ const MAY_BE_LEFT_OUT: [(&str, f64); 6] = [
     ("surface_energy", 0.0),
 ];
 
-/// So many pairs of materials are named in warnings, the others counted.
+/// Number of pairs of materials that a warning names; the others are counted.
 const PAIRS_SHOWN: usize = 20;
 
-/// Warnings about what acts in contacts of one material and not, or by half, in those with another that does not say it: of each pair that can
-/// touch, in a scene without mistakes.
+/// Warnings about properties of one material that act differently in contacts with another that does not set them. They
+/// cover each pair that can touch, in a scene without errors.
 pub(super) fn left_out<'a>(
     root: &Section<'a>,
     materials: &Materials,
@@ -527,7 +526,7 @@ pub(super) fn left_out<'a>(
     told
 }
 
-/// What a key does in contacts with a material that does not give it.
+/// Effect of a key in contacts with a material that does not set it.
 fn lacks(key: &str, silent: &str) -> String {
     let what = match key {
         "restitution" => "dashpots of `restitution` are half as strong as of the other",
@@ -537,7 +536,7 @@ fn lacks(key: &str, silent: &str) -> String {
     format!("{what}, as \"{silent}\" gives none")
 }
 
-/// The two materials of an `[[interaction]]`, the lower id first; `seen` are those of the ones before.
+/// The two materials of an `[[interaction]]`, the lower id first; `seen` holds those of earlier ones.
 fn between(
     section: &Section,
     materials: &Materials,
@@ -553,7 +552,7 @@ fn between(
     })
 }
 
-/// Contact constants of a material, or of two, with what is left out taken from `mixed`.
+/// Contact constants of a material, or of two, with missing values taken from `mixed`.
 fn of_linear(
     section: &Section,
     mixed: Option<&linear::Constants>,
@@ -570,7 +569,7 @@ fn of_linear(
     let tangential_stiffness =
         section.number_or("tangential_stiffness", tangential.unwrap_or_default());
     let friction = section.number_or("friction", mixed.map_or(0.0, |m| m.friction));
-    // One with a mistake has no stiffness at all.
+    // After an error the stiffness is unknown.
     let is_known = match mixed {
         Some(mixed) => mixed.normal_stiffness > 0.0,
         None => normal_stiffness.is_some() || section.get("tangential_stiffness").is_some(),
@@ -594,7 +593,7 @@ fn of_linear(
     })
 }
 
-/// The same of Hertzian contacts.
+/// Constants of Hertzian contacts of a material, or of two, with missing values taken from `mixed`.
 fn of_hertz(
     section: &Section,
     mixed: Option<&hertz::Constants>,

@@ -1,8 +1,8 @@
-//! Particles of a CSV file: a header, then one row each.
+//! Particles of a CSV file: a header, then one row for each.
 //!
-//! Columns in any order: `x,y,z` [m]; and, each group whole or not at all, `qw,qx,qy,qz` (body to
-//! world, of any length), `vx,vy,vz` [m/s], `wx,wy,wz` [rad/s, world axes]; and `shape` (a name),
-//! which may be missing if there is only one; and `scale`, lengths over those of the shape, 1 where it is missing. Lines that begin with `#` are comments.
+//! Columns in any order: `x,y,z` [m]. Optional, each group complete or absent: `qw,qx,qy,qz` (body to world, of any
+//! length), `vx,vy,vz` [m/s], `wx,wy,wz` [rad/s, world axes]. `shape` (a name) is optional if there is only one; `scale`,
+//! lengths over those of the shape, is 1 by default. Lines that begin with `#` are comments.
 
 use super::Listed;
 use super::mistakes::suggestion;
@@ -13,14 +13,14 @@ use csv::StringRecord;
 use nalgebra::Quaternion;
 use std::path::Path;
 
-/// So many mistakes of a file are listed, the others counted.
+/// Number of errors of a file that are listed; the others are counted.
 const SHOWN: usize = 5;
 
 const COLUMNS: [&str; 15] =
     ["x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz", "shape", "scale"];
 
-/// The particles of a file, or what is wrong with it. `wrong` says of a particle why it may not be there;
-/// messages count ids from `first_id`.
+/// Particles of a file, or its errors. `wrong` returns the reason why a particle is not allowed; messages count ids from
+/// `first_id`.
 pub(super) fn read(
     path: &Path,
     shapes: &[&str],
@@ -90,7 +90,7 @@ pub(super) fn header(reader: &mut csv::Reader<&[u8]>) -> Result<StringRecord, Ve
     Ok(header)
 }
 
-/// The first mistakes, and how many more there are.
+/// First errors, and the number of further ones.
 pub(super) fn few(mut mistakes: Vec<String>) -> Vec<String> {
     if mistakes.len() > SHOWN {
         let more = mistakes.len() - SHOWN;
@@ -100,14 +100,14 @@ pub(super) fn few(mut mistakes: Vec<String>) -> Vec<String> {
     mistakes
 }
 
-/// The line in which a record stands. Its position may be before blank lines and comments.
+/// Line of a record. Its position may be before blank lines and comments.
 pub(super) fn line_of(record: &StringRecord, text: &str, lines: &Lines) -> usize {
     let begin = record.position().map_or(0, |position| position.byte() as usize);
     let is_skipped = |line: &&str| line.trim().is_empty() || line.starts_with('#');
     lines.at(begin) + text[begin..].lines().take_while(is_skipped).count()
 }
 
-/// Where each group of columns stands.
+/// Position of each group of columns.
 struct Columns {
     header: StringRecord,
     position: [usize; 3],

@@ -1,4 +1,4 @@
-//! Materials and shapes: from the file as written to the library.
+//! Materials and shapes, from the parsed file to the library.
 
 use super::Mix;
 use super::before;
@@ -19,14 +19,14 @@ use std::path::Path;
 
 // --- names ---
 
-/// The names of all materials, or of all shapes, or of all walls.
+/// Names of all materials, or of all shapes, or of all walls.
 #[derive(Default)]
 pub(super) struct Names {
     kind: &'static str,
     pub(super) all: Vec<String>,
-    /// The first of each name.
+    /// First index of each name.
     indices: HashMap<String, usize>,
-    /// Entries that are pieces of others: they are meant only where they are named.
+    /// Entries that are pieces of others; they are used only where they are named.
     pieces: BTreeSet<usize>,
 }
 
@@ -35,7 +35,7 @@ impl Names {
         Self { kind, ..Self::default() }
     }
 
-    /// The first of this name.
+    /// First index of this name.
     pub(super) fn index(&self, name: &str) -> Option<usize> {
         self.indices.get(name).copied()
     }
@@ -45,7 +45,7 @@ impl Names {
         self.all.push(name.to_owned());
     }
 
-    /// Reads the name of the next entry. One without a name gets an empty one, so that indices stay.
+    /// Reads the name of the next entry. An entry without a name gets an empty one, so that indices stay.
     pub(super) fn add(&mut self, section: &Section) {
         let given = section.require("name");
         let name = given.as_ref().and_then(Given::text).unwrap_or_default();
@@ -59,7 +59,7 @@ impl Names {
         self.all.iter().map(String::as_str).filter(|name| !name.is_empty())
     }
 
-    /// The index of a name that the file gives.
+    /// Index of a name in the file; an unknown one is reported.
     pub(super) fn find(&self, given: &Given, name: &str) -> Option<usize> {
         let index = self.index(name);
         if index.is_none() {
@@ -69,7 +69,7 @@ impl Names {
         index
     }
 
-    /// The index of the name under this key; of the only one there is beside pieces, if the key is left out.
+    /// Index of the name under this key; without the key, of the only entry that is not a piece.
     pub(super) fn find_in(&self, section: &Section, key: &str) -> Option<usize> {
         let mut whole = (0..self.all.len()).filter(|index| !self.pieces.contains(index));
         match (section.get(key), whole.next(), whole.next()) {
@@ -88,7 +88,7 @@ impl Names {
 
 // --- materials ---
 
-/// What a body is made of.
+/// A material of bodies.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     /// Its name.
@@ -103,7 +103,7 @@ pub(super) struct Materials {
 }
 
 impl Materials {
-    /// All of them, with what `read` finds in the section of each.
+    /// All materials, with the results of `read` for their sections.
     pub(super) fn read<C>(
         root: &Section,
         read: impl Fn(&Section) -> Option<C>,
@@ -122,7 +122,7 @@ impl Materials {
         (Self { names, items }, constants)
     }
 
-    /// The names, by `MaterialId`.
+    /// Names, by `MaterialId`.
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         self.names.all.iter().map(String::as_str)
     }
@@ -144,14 +144,15 @@ impl Materials {
 
 pub(super) struct Shapes {
     pub(super) names: Names,
-    /// One entry per shape of the file; a sphere of no size where there was a mistake.
+    /// One entry per shape of the file; a sphere of no size for an invalid one.
     pub(super) library: Library,
-    /// No mistake in any.
+    /// Are all shapes valid?
     pub(super) complete: bool,
 }
 
 impl Shapes {
-    /// Paths of meshes are relative to `folder`. Meshes stay cut as in the snapshot with which the run begins.
+    /// Reads all shapes. Paths of meshes are relative to `folder`. Meshes keep their cut from the snapshot
+    /// with which the run begins.
     pub(super) fn read(
         root: &Section,
         materials: &Materials,
@@ -188,7 +189,7 @@ impl Shapes {
         shapes
     }
 
-    /// Of the particles of a mix [m].
+    /// Largest bounding radius of the particles of a mix [m].
     pub(super) fn largest_radius(&self, mix: &Mix) -> f64 {
         let Library { shapes, sizes, .. } = &self.library;
         let largest = |id: ShapeId| {
@@ -199,7 +200,7 @@ impl Shapes {
     }
 }
 
-/// The shapes of all sections, and which of them are pieces of unions, which are of shapes that are none.
+/// Shapes of all sections, and those that are pieces of unions; a piece is never a union.
 fn geometries(
     sections: &[Section],
     names: &Names,
@@ -226,7 +227,7 @@ fn geometries(
     (all, pieces.into_inner())
 }
 
-/// A size of 1e-200 m is a positive number, but its volume is not.
+/// Checks mass and moments of inertia: a size of 1e-200 m is a positive number, but its volume is not.
 fn has_mass(section: &Section, geometry: &Shape, density: f64, sizes: &Sizes) -> bool {
     let mass = density * geometry.volume();
     for scale in sizes.scales() {

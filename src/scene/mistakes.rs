@@ -1,46 +1,46 @@
-//! What is wrong with a scene: every mistake with its place, all in one go.
+//! Errors of a scene, each with its location, all at once.
 
 use crate::text::{listed, shown};
 use std::cell::RefCell;
 use std::fmt;
 use std::sync::Arc;
 
-/// Where a value of the scene was given.
+/// Location of a value of the scene.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Location {
-    /// Nowhere: it is the file as a whole.
+    /// The file as a whole.
     File,
     /// A line of the file, from 1.
     Line(usize),
-    /// A line of a file that this one includes, or of the scene that it is like.
+    /// A line of an included file, or of the scene named by `like`.
     In(Arc<str>, usize),
-    /// `--set` of the command line, as it was written.
+    /// A `--set` of the command line, as written.
     Override(String),
 }
 
-/// One mistake.
+/// One error.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// Where it is.
+    /// Its location.
     pub location: Location,
-    /// Key path, value, what is wrong and what is allowed.
+    /// Key path, value, error and allowed values.
     pub message: String,
 }
 
-/// All mistakes of a scene, in the order of the file.
+/// All errors of a scene, in the order of the file.
 #[derive(Debug, thiserror::Error)]
 pub struct SceneErrors {
     /// The file's name.
     pub file: String,
-    /// The mistakes, at least one.
+    /// The errors, at least one.
     pub problems: Vec<Problem>,
 }
 
-/// So many mistakes are listed, the others counted.
+/// Number of errors that are listed; the others are counted.
 const SHOWN: usize = 20;
-/// So many names are listed where one is wanted, the others counted.
+/// Number of known names that are listed; the others are counted.
 const NAMES: usize = 60;
-/// No name of the program is longer [characters].
+/// Longest name of the program [characters].
 const LONGEST_NAME: usize = 60;
 
 impl fmt::Display for SceneErrors {
@@ -62,8 +62,7 @@ impl fmt::Display for SceneErrors {
     }
 }
 
-/// Collects mistakes while a scene is read. Readers share it, so it can be written to through a
-/// shared reference.
+/// Collects errors while a scene is read. Readers share it, so it can be written to through a shared reference.
 #[derive(Debug, Default)]
 pub(super) struct Mistakes {
     problems: RefCell<Vec<Problem>>,
@@ -79,7 +78,7 @@ impl Mistakes {
         self.warnings.borrow_mut().push(what);
     }
 
-    /// What is doubtful, each only once.
+    /// Warnings, each once.
     pub(super) fn warnings(&self) -> Vec<String> {
         let mut all = self.warnings.take();
         all.sort();
@@ -95,7 +94,7 @@ impl Mistakes {
         self.problems.borrow().len()
     }
 
-    /// All mistakes as an error.
+    /// All errors as an error value.
     pub(super) fn into_errors(self, file: &str) -> SceneErrors {
         let mut problems = self.problems.into_inner();
         problems.sort_by(|a, b| a.location.cmp(&b.location));
@@ -104,8 +103,8 @@ impl Mistakes {
     }
 }
 
-/// What other codes have and this one has not: how words of keys and choices begin, in which table ("" for any), and what there is
-/// instead.
+/// Features of other codes that are not supported: table ("" for any), beginning of words in keys and choices, and
+/// alternative.
 const NOT_THERE: [(&str, &str, &str); 29] = [
     ("", "bond", "bonds are not supported yet"),
     ("", "liquid", "liquid bridges are not supported yet"),
@@ -145,13 +144,13 @@ const HELD: &str =
 const PUSHED: &str = "particles are pushed by a [[group]] that names them, with a `force`, or led with a `velocity`; a [[wall]] with a `mesh` by a \
      [[motion]] with its `mass` and `force`";
 const DRAG: &str = "a [[group]] has the `drag` of a fluid whose velocity is given; fluids that flow by themselves are not supported";
-/// A cell that is pressed or strained.
+/// Hint for a pressed or strained cell.
 pub(super) const CELL: &str = "a periodic cell is pressed and strained by [cell], with a `stress` or a `rate` of each component";
 const OF_ONE: &str = "it is of one material; say it in [[material]]";
 const REACHED: &str = "`when` ends a stage by any column of history.csv: when = [{ column = \"stress_lid_Pa\", above = 1e6 }]";
 
-/// What stands behind "no such key" or "no such choice" if a table or a choice asks for something that is not there.
-/// Nothing where the suggestion has a guess.
+/// Hint after "no such key" or "no such choice" if an unsupported feature is requested. Empty if the suggestion has a
+/// guess.
 pub(super) fn not_there(table: &str, asked: &str, suggestion: &str) -> String {
     if suggestion.starts_with(GUESS) {
         return String::new();
@@ -165,11 +164,10 @@ pub(super) fn not_there(table: &str, asked: &str, suggestion: &str) -> String {
     known.map_or_else(String::new, |(.., what)| format!(": {what}"))
 }
 
-/// How a suggestion begins that has a guess.
+/// Beginning of a suggestion with a guess.
 const GUESS: &str = ", did you mean ";
 
-/// What stands behind "no such …": a guess, if a known name is close to what was written, and the
-/// known names.
+/// Text after "no such …": a guess, if a known name is close, and the known names.
 pub(super) fn suggestion<'a>(
     written: &str,
     known: impl IntoIterator<Item = &'a str>,
@@ -179,7 +177,7 @@ pub(super) fn suggestion<'a>(
     let written = written.to_lowercase();
     let length = written.chars().count();
     let most = 1 + length / 4;
-    // As long as no name can be: nothing is near.
+    // Longer than any name, so none is close.
     let may_be_near = length <= LONGEST_NAME;
     let distance = |name: &'a str| {
         let begins = length > 2 && name.to_lowercase().starts_with(&written);

@@ -1,16 +1,17 @@
 //! The user's file: read (`input`), checked (`check`) and turned into a simulation ([`assemble`]).
 //!
-//! A [`Scene`] is what the file means: SI units, names resolved, nothing missing, nothing
-//! inconsistent. It is made on rank 0 and sent to all.
+//! A [`Scene`] is the meaning of the file: SI units, names resolved, complete and consistent. It is made on rank 0 and sent
+//! to all.
 //!
 //! # The file
 //!
-//! TOML. The column *kind* says what a value may be: `number > 0`; `[x, y, z]`, a list of as many items; `{ a = number [m], b? = text }`, a table, in which
-//! keys with a question mark may be left out; `or` stands between alternatives. Unit and kind are those of all keys of a row, or one of each; `-` is no unit.
-//! Keys marked `required` must be there. Paths of output, `start` and `folder` are relative to the
-//! working directory, paths of particle files, tables and meshes to the folder of the scene, or of the file that it includes and that names them.
-//! A polyhedron is moved to its centre of mass and turned into its principal axes; positions and
-//! quaternions of particles are those of its centre and these axes, and `--plan` says where they lie in the file.
+//! TOML. The column *kind* gives the allowed values: `number > 0`; `[x, y, z]`, a list of as many items;
+//! `{ a = number [m], b? = text }`, a table, in which keys with a question mark are optional; `or` stands between
+//! alternatives. Unit and kind hold for all keys of a row, or there is one for each; `-` is no unit. Keys marked `required`
+//! must be given. Paths of output, `start` and `folder` are relative to the working directory. Paths of particle files,
+//! tables and meshes are relative to the folder of the file that names them, the scene or an included file. A polyhedron is
+//! moved to its centre of mass and turned into its principal axes. Positions and quaternions of particles are those of its
+//! centre and these axes, and `--plan` prints where they lie in the file.
 //!
 #![doc = include_str!("keys.md")]
 
@@ -99,77 +100,77 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(remote = "Self")]
 pub struct Scene {
-    /// One line for the log.
+    /// Title, one line for the log.
     pub title: String,
-    /// Seed of all that is random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// Where particles may be.
+    /// Domain of the particles.
     pub domain: Cell,
-    /// How it is strained, if it is.
+    /// Control of its strain, if it is strained.
     pub cell: Option<Control>,
     /// Materials, by `MaterialId`.
     pub materials: Vec<Material>,
-    /// The law of contacts, with the constants of every pair of materials.
+    /// Contact law, with the constants of every pair of materials.
     pub law: law::Choice,
-    /// What one of two materials does not say.
+    /// Warnings about constants that only one of two materials gives.
     pub left_out: Vec<String>,
-    /// What becomes of the forces where the snapshot with which it begins, or goes on, was made with other constants.
+    /// Warning about changed forces, if the snapshot from which it starts was made with other constants.
     pub jumps: Option<String>,
-    /// What is doubtful in the files that it names, a sentence each.
+    /// Warnings about the files that it names, a sentence each.
     pub doubtful: Vec<String>,
     /// Shapes of particles, then of walls, by `ShapeId`.
     pub library: Library,
     /// Walls, in the order of their ids.
     pub walls: Vec<Wall>,
-    /// Which of them keep a stress.
+    /// Walls that keep a stress or a force.
     pub servos: Vec<Servo>,
     /// Walls that move freely under load.
     pub free_walls: Vec<FreeWall>,
-    /// How contacts are resolved.
+    /// Contact method.
     pub method: Method,
     /// Gravity [m/s²].
     pub gravity: Vec3,
     /// Global damping ξ: every particle feels `-ξ m v` and `-ξ I ω` [1/s].
     pub global_damping: f64,
-    /// Particles that are there at the start.
+    /// Particles at the start.
     pub initial: Vec<Fill>,
     /// Particles that fall in during the run.
     pub rain: Option<Rain>,
-    /// Where particles appear at a rate.
+    /// Regions in which particles appear at a rate.
     pub inlets: Vec<Inlet>,
-    /// Where particles leave.
+    /// Regions in which particles leave.
     pub outlets: Vec<Outlet>,
     /// Particles that are held or pushed.
     pub groups: Vec<Group>,
     /// Time step [s].
     pub dt: f64,
-    /// Is it the program's own, that a stage may shorten?
+    /// Is the step automatic? Then a stage may shorten it.
     pub own_step: bool,
-    /// Steps of this stage, at most.
+    /// Largest number of steps of this stage.
     pub steps: u64,
-    /// How long it lasts, if the scene says that in place of steps [s].
+    /// Duration of the stage [s], if the scene gives it in place of steps.
     pub duration: Option<f64>,
-    /// Run although the time step is over the stable limit.
+    /// Does the scene run although the time step is above the stable limit?
     pub allow_unstable: bool,
-    /// When the stage ends before.
+    /// Conditions for an earlier end of the stage.
     pub stop: Stop,
-    /// A pair is listed when its bounding spheres come this close [m].
+    /// Distance between bounding spheres within which a pair is listed [m].
     pub skin: f64,
-    /// Subdomains are cut again when the busiest rank has this many times the mean work.
+    /// Work of the busiest rank over the mean, above which subdomains are cut again.
     pub imbalance: f64,
-    /// Steps after which the order of space is renewed.
+    /// Steps after which the spatial order is renewed.
     pub order_every: u64,
     /// Steps between snapshots; 0: only at the start and the end.
     pub snapshot_every: u64,
     /// Steps between rows of `history.csv`; 0: only at the end.
     pub history_every: u64,
-    /// How contacts are audited.
+    /// Settings of the audit of contacts.
     pub audit: audit::Settings,
-    /// Where output goes; the command line may override.
+    /// Output folder; the command line may override it.
     pub out: PathBuf,
-    /// The snapshot with which this stage begins.
+    /// Snapshot with which this stage begins.
     pub start: Option<PathBuf>,
-    /// The file with what it takes from others and the overrides of the command line, as TOML that needs no other scene.
+    /// The file with its included parts and the overrides of the command line, as TOML that needs no other scene.
     pub text: String,
 }
 
@@ -179,7 +180,7 @@ impl Serialize for Scene {
     }
 }
 
-/// Surfaces of walls come in the library alone.
+/// The surfaces of walls are only stored in the library.
 impl<'a> Deserialize<'a> for Scene {
     fn deserialize<D: Deserializer<'a>>(deserializer: D) -> Result<Self, D::Error> {
         let mut scene = Self::deserialize(deserializer)?;
@@ -196,16 +197,17 @@ impl Scene {
     /// TOML is a string.
     ///
     /// # Errors
-    /// All mistakes of the file and the overrides, each with its place.
+    /// All errors of the file and the overrides, each with its location.
     pub fn read(path: &Path, overrides: &[String]) -> Result<Self, SceneErrors> {
         Self::read_for(path, overrides, Need::AllFiles)
     }
 
-    /// The same of a stage that goes on from a snapshot of its own, or from the newest good one of a directory: that from which
-    /// it began may be gone. All that follows from sizes of grains is as in the stage that was not interrupted.
+    /// Reads and checks a file for a stage that continues from one of its snapshots, or from the newest good one of a
+    /// directory. The snapshot from which the stage began may be missing. Everything that follows from the sizes of
+    /// particles is as in an uninterrupted stage.
     ///
     /// # Errors
-    /// As [`Scene::read`]. A snapshot that cannot be read is none: that is told when it is taken up ([`assemble::take_up`]).
+    /// See [`Scene::read`]. An unreadable snapshot is ignored here; [`assemble::take_up`] reports it.
     pub fn read_to_go_on(
         path: &Path,
         overrides: &[String],
@@ -234,7 +236,7 @@ impl Scene {
     /// `folder`.
     ///
     /// # Errors
-    /// As [`Scene::read`].
+    /// See [`Scene::read`].
     pub fn parse(
         text: &str,
         file: &str,
@@ -265,7 +267,7 @@ impl Scene {
         self.law.law(&self.library)
     }
 
-    /// What a report says of it; a commit is for the program to add.
+    /// Part of a report about the scene; the program adds its commit.
     pub fn origin(&self) -> Origin {
         Origin {
             program: concat!("dem-mpi ", env!("CARGO_PKG_VERSION")).to_owned(),
@@ -276,25 +278,25 @@ impl Scene {
         }
     }
 
-    /// The kinds of shape that particles touch with: those of pieces in place of unions.
+    /// Kinds of shape with which particles touch: those of pieces in place of unions.
     pub fn particle_kinds(&self) -> Vec<Kind> {
         let shapes = &self.library.shapes[self.library.grains()];
         let touches = |&kind: &Kind| kind != Kind::Union && shapes.iter().any(|s| s.kind() == kind);
         Kind::ALL.into_iter().filter(touches).collect()
     }
 
-    /// The kinds of facet that walls have.
+    /// Kinds of facets of walls.
     pub fn facet_kinds(&self) -> Vec<Kind> {
         let shapes = &self.library.shapes[self.library.facets()];
         Kind::ALL.into_iter().filter(|&k| shapes.iter().any(|s| s.kind() == k)).collect()
     }
 
-    /// Which columns the scene needs.
+    /// Columns that the scene needs.
     pub fn needs(&self) -> Needs {
         self.needs_with(&*self.force_law())
     }
 
-    /// The same with another law.
+    /// Columns that the scene needs with another law.
     pub fn needs_with(&self, law: &dyn ForceLaw) -> Needs {
         let law = law.needs();
         let library = &self.library;
@@ -317,12 +319,12 @@ impl Scene {
         }
     }
 
-    /// The largest stable time step; `None` if nothing pushes.
+    /// Largest stable time step; `None` if no contact can push.
     pub fn time_step_limit(&self) -> Option<TimeStepLimit> {
         stability::time_step_limit(&self.library, &*self.force_law())
     }
 
-    /// What becomes of the step where contacts that stiffen with load make the stable limit fall below it.
+    /// Reaction when contacts that stiffen with load make the stable limit fall below the step.
     pub const fn over_the_limit(&self) -> Over {
         match (self.own_step, self.allow_unstable) {
             (true, _) => Over::Followed,
@@ -331,18 +333,18 @@ impl Scene {
         }
     }
 
-    /// Steps of this stage, at most, where its simulation stands: steps of another length before, and the one that it takes now, count.
+    /// Largest number of steps of this stage in the state of its simulation, with its earlier and present time steps.
     pub fn steps_of(&self, sim: &Simulation) -> u64 {
         self.duration.map_or(self.steps, |duration| steps_of(duration - sim.stage_shift, sim.dt))
     }
 
-    /// Particles in all, those of a start snapshot left out.
+    /// Total number of particles, without those of a start snapshot.
     pub fn particle_count(&self) -> u64 {
         let initial: u64 = self.initial.iter().map(Fill::count).sum();
         initial + self.to_come().map(|(_, count)| count).sum::<u64>()
     }
 
-    /// Mixes of particles that come during the stage, and how many of each.
+    /// Mixes of particles that come during the stage, with their numbers.
     pub(crate) fn to_come(&self) -> impl Iterator<Item = (&Mix, u64)> {
         let seconds = self.steps as f64 * self.dt;
         let rain = self.rain.iter().map(|rain| (&rain.mix, rain.count));
@@ -354,17 +356,17 @@ impl Scene {
     }
 }
 
-/// Particles that are there at the start.
+/// Particles at the start.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Fill {
     /// On a simple cubic lattice.
     Lattice(Lattice),
-    /// One by one, as a CSV file lists them.
+    /// Individually, from a CSV file.
     Listed(Vec<Listed>),
 }
 
 impl Fill {
-    /// How many particles.
+    /// Number of particles.
     pub fn count(&self) -> u64 {
         match self {
             Self::Lattice(lattice) => lattice.count.iter().map(|&n| u64::from(n)).product(),
@@ -372,7 +374,7 @@ impl Fill {
         }
     }
 
-    /// The particles of a list; none of a lattice.
+    /// Particles of a list; none for a lattice.
     fn listed(&self) -> &[Listed] {
         match self {
             Self::Lattice(_) => &[],
@@ -384,17 +386,17 @@ impl Fill {
 /// Particles on a lattice, x fastest, then y, then z.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lattice {
-    /// Which shapes, and their share of the particles.
+    /// Shapes, and their shares of the particles.
     pub mix: Mix,
     /// Centre of the first [m].
     pub first: Vec3,
     /// Distance of neighbours along each axis [m].
     pub spacing: Vec3,
-    /// How many along each axis.
+    /// Number along each axis.
     pub count: [u32; 3],
-    /// Orientations, of the scene's seed and the particle's id.
+    /// Orientations, from the scene's seed and the particle's id.
     pub orientations: Orientations,
-    /// How far from its place a particle may be along each axis, at random (of the scene's seed and the particle's id) [m].
+    /// Largest random displacement along each axis, from the scene's seed and the particle's id [m].
     pub jitter: f64,
     /// Velocity of all [m/s].
     pub velocity: Vec3,
@@ -409,7 +411,7 @@ pub struct Listed {
     pub scale: f64,
     /// Centre [m].
     pub position: Vec3,
-    /// Body to world.
+    /// Rotation from body to world.
     pub quaternion: Quat,
     /// Velocity [m/s].
     pub velocity: Vec3,

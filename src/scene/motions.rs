@@ -1,4 +1,4 @@
-//! How walls and groups of particles move by `[[motion]]`: from the file as written.
+//! Motions of walls and groups of particles from `[[motion]]` in the parsed file.
 
 use super::listed;
 use super::reader::{Given, Section};
@@ -9,14 +9,14 @@ use crate::walls::Wall;
 use crate::walls::courses::{Course, Table, Way};
 use std::path::Path;
 
-/// The `[[motion]]` tables.
+/// All `[[motion]]` tables.
 pub(super) struct Motions<'a> {
     all: Vec<Motion<'a>>,
 }
 
-/// One of them.
+/// One `[[motion]]`.
 struct Motion<'a> {
-    /// Which walls, with their names.
+    /// Walls, with their names.
     walls: Vec<(Given<'a>, &'a str)>,
     /// Groups of particles, with their names.
     groups: Vec<(Given<'a>, &'a str)>,
@@ -24,19 +24,19 @@ struct Motion<'a> {
     how: How,
 }
 
-/// What decides where the wall is.
+/// Origin of the motion.
 enum How {
-    /// Time.
+    /// A function of time.
     By(Way),
-    /// Forces: on a mass [kg], along its direction, with this one besides [N].
+    /// Forces: on a mass [kg], along its direction, with this additional one [N].
     Freely { mass: f64, force: f64 },
 }
 
-/// Along what, or about what.
+/// Direction or axis of the motion.
 #[derive(Clone, Copy)]
 enum Kind {
     Along(Vec3),
-    /// A point [m] and an axis.
+    /// Rotation about a point [m] and an axis.
     About(Vec3, Vec3),
 }
 
@@ -47,7 +47,7 @@ impl<'a> Motions<'a> {
         Self { all: sections.iter().filter_map(read).collect() }
     }
 
-    /// The point about which they turn a wall [m], if they do.
+    /// Point about which they turn a wall [m], if they do.
     pub(super) fn about(&self, name: &str) -> Option<Vec3> {
         self.of(name).find_map(|(_, motion)| match motion.kind {
             Kind::About(point, _) => Some(point),
@@ -55,7 +55,7 @@ impl<'a> Motions<'a> {
         })
     }
 
-    /// Gives a wall the course that it shall have, with the constant velocities that it has.
+    /// Sets the course of a wall, including its constant velocities.
     pub(super) fn move_wall(&self, name: &str, wall: &mut Wall) {
         if self.of(name).next().is_none() {
             return;
@@ -67,8 +67,8 @@ impl<'a> Motions<'a> {
         wall.follow(course(self.of(name), &wall.velocity, &wall.angular_velocity));
     }
 
-    /// The course of a group of particles, with the constant velocities that it has, and the point about which motions turn it [m], if they
-    /// do.
+    /// Course of a group of particles, including its constant velocities, and the point about which motions turn it [m], if
+    /// they do.
     pub(super) fn of_group(
         &self,
         name: &str,
@@ -90,14 +90,14 @@ impl<'a> Motions<'a> {
         (course(all, velocity, turning), about)
     }
 
-    /// Looks at each name of a group as it is given.
+    /// Calls `look` for each named group.
     pub(super) fn check_groups(&self, look: impl Fn(&Given, &str)) {
         for (given, name) in self.all.iter().flat_map(|motion| &motion.groups) {
             look(given, name);
         }
     }
 
-    /// Gives a wall its mass, if nothing but forces moves it.
+    /// Sets the mass of a wall that only forces move.
     fn free_alone(&self, name: &str, wall: &mut Wall) {
         for (given, motion) in self.of(name) {
             match (&motion.how, motion.kind) {
@@ -112,7 +112,7 @@ impl<'a> Motions<'a> {
         }
     }
 
-    /// Looks at each direction along which a wall moves.
+    /// Calls `look` for each direction along which a wall moves.
     pub(super) fn ways_along(&self, name: &str, look: impl Fn(&Given, &Vec3)) {
         for (given, motion) in self.of(name) {
             if let Kind::Along(along) = &motion.kind {
@@ -121,7 +121,7 @@ impl<'a> Motions<'a> {
         }
     }
 
-    /// Along what direction a wall moves freely, with what mass [kg] and under what force along it [N], if it does.
+    /// Direction, mass [kg] and additional force [N] of a wall that moves freely; `None` for others.
     pub(super) fn free(&self, name: &str) -> Option<(Vec3, f64, f64)> {
         self.of(name).find_map(|(_, motion)| match (motion.kind, &motion.how) {
             (Kind::Along(along), &How::Freely { mass, force }) => Some((along, mass, force)),
@@ -129,7 +129,7 @@ impl<'a> Motions<'a> {
         })
     }
 
-    /// Looks at each name of a wall as it is given.
+    /// Calls `look` for each named wall.
     pub(super) fn check(&self, look: impl Fn(&Given, &str)) {
         for (given, name) in self.all.iter().flat_map(|motion| &motion.walls) {
             look(given, name);
@@ -144,7 +144,7 @@ impl<'a> Motions<'a> {
     }
 }
 
-/// The course of a body that has these constant velocities [m/s, rad/s] and motions.
+/// Course of a body with these constant velocities [m/s, rad/s] and motions.
 fn course<'a, 'b: 'a>(
     motions: impl Iterator<Item = (&'a Given<'b>, &'a Motion<'b>)>,
     velocity: &Vec3,
@@ -171,7 +171,7 @@ fn course<'a, 'b: 'a>(
     course
 }
 
-/// Names of what moves.
+/// Names of moving bodies.
 fn named<'a>(section: &Section<'a>, key: &str) -> Option<Vec<(Given<'a>, &'a str)>> {
     section.read_or(key, Vec::new(), |given| {
         let mut names: Vec<(Given, &str)> = Vec::new();
@@ -248,7 +248,7 @@ fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
     })
 }
 
-/// The `table` of a section, with values of this column, each times a factor.
+/// The `table` of a section, with values of this column, times a factor.
 pub(super) fn table(
     section: &Section,
     folder: &Path,
@@ -323,7 +323,7 @@ fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
     Err(listed::few(mistakes))
 }
 
-/// The point about which a wall turns [m], and the direction of the axis.
+/// Point about which a wall turns [m], and the direction of the axis.
 pub(super) fn axis_of_turn(
     section: &Section,
     domain: Option<&Cell>,
@@ -331,7 +331,7 @@ pub(super) fn axis_of_turn(
     let about = section.vector("about");
     let axis = section.require("axis").and_then(|given| {
         let direction = given.direction()?;
-        // A period must go with the turn.
+        // The turn must map the periodic domain onto itself.
         let across = |&axis: &usize| direction[axis].abs() != 1.0;
         if let Some(axis) = domain.and_then(|domain| domain.repeating_axes().find(across)) {
             given.fail(format!("must lie along {}, which is periodic", AXES[axis]));

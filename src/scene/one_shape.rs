@@ -1,4 +1,4 @@
-//! A shape of a scene by itself: its numbers, its drawing and its surface, for `dem-mpi --shape`.
+//! Page, drawing and surface of one shape of a scene, for `dem-mpi --shape`.
 
 use super::Scene;
 use super::mistakes::suggestion;
@@ -18,10 +18,10 @@ use std::path::{Path, PathBuf};
 const LABELS: usize = 18;
 
 impl Scene {
-    /// The shape of this name.
+    /// Shape with this name.
     ///
     /// # Errors
-    /// The names that there are.
+    /// If there is no such shape; the text lists the names.
     pub fn shape(&self, name: &str) -> Result<ShapeId, String> {
         let names = &self.library.names[..self.library.own_shapes()];
         let found = names.iter().position(|other| other == name);
@@ -97,11 +97,11 @@ fn turned(quaternion: &Quat) -> String {
     format!("[{:.9}, {:.9}, {:.9}, {:.9}]", q.w, q.i, q.j, q.k)
 }
 
-/// Draws a shape into a folder, which is made if it is missing: an SVG from three sides and aslant, and its surface as VTP. Both have
-/// the centre of the shape as origin and its principal axes. Returns where they are.
+/// Draws a shape into a folder, which is created if it is missing: an SVG from three sides and aslant, and its surface as
+/// VTP. Both have the centre of the shape as origin and its principal axes. Returns their paths.
 ///
 /// # Errors
-/// The file that cannot be written, and why.
+/// If a file cannot be written; the text names it and the reason.
 pub fn draw(scene: &Scene, shape: ShapeId, folder: &Path) -> Result<[PathBuf; 2], String> {
     let wrong =
         |path: &Path, error: std::io::Error| format!("cannot write {}: {error}", path.display());

@@ -1,4 +1,4 @@
-//! The particles that are there at the start.
+//! Particles at the start.
 
 use super::{Fill, Lattice, Listed, Scene};
 use crate::ids::GlobalId;
@@ -7,8 +7,8 @@ use crate::particles::records::Particle;
 use crate::population::Library;
 use crate::random::Random;
 
-/// The particles of all fills, in the order of the file, with ids from 0. Each is a function of the
-/// scene and its id alone, so that every rank can list them all and keep its own.
+/// Particles of all fills, in the order of the file, with ids from 0. Each depends only on the
+/// scene and its id, so that every rank can list them all and keep its own.
 pub fn initial(scene: &Scene) -> impl Iterator<Item = Particle> {
     let mut next = 0;
     scene.initial.iter().flat_map(move |fill| {
@@ -18,7 +18,7 @@ pub fn initial(scene: &Scene) -> impl Iterator<Item = Particle> {
     })
 }
 
-/// The particles of a fill, with ids from the first on.
+/// Particles of a fill, with ids from `first` on.
 pub(super) fn of_fill<'a>(
     fill: &'a Fill,
     first: u64,

@@ -1,4 +1,4 @@
-//! What acts in a pair that stands by itself, by the law of a scene.
+//! Forces in a single pair of bodies, by the law of a scene.
 
 use super::{Fill, Listed, Method, Scene, assemble, laws};
 use crate::cell::Cell;
@@ -15,7 +15,7 @@ use crate::text::{MOST_NAMED, listed};
 use std::path::Path;
 use thiserror::Error;
 
-/// What acts in a pair at rest, as if its bodies had just been put there: nothing is remembered, and dashpots do nothing.
+/// Forces in a pair at rest, as if its bodies had just been placed: without history and dashpot forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Acting {
     /// Force of A on B [N].
@@ -26,7 +26,7 @@ pub struct Acting {
     pub stored: f64,
 }
 
-/// A scene in which contacts have a stiffness of 1 N/m and nothing else.
+/// A scene whose contacts have a stiffness of 1 N/m and nothing else.
 const OF_UNIT_STIFFNESS: &str = r#"
 domain = { low = [-1, -1, -1], high = [1, 1, 1] }
 material = [{ name = "m", density = 1, normal_stiffness = 1 }]
@@ -36,19 +36,19 @@ time = { step = "auto", steps = 1 }
 output = { directory = "out" }
 "#;
 
-/// Why the law says nothing of a pair.
+/// Reason why the law gives no force for a pair.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum PairError {
     /// The scene has no such material.
     #[error("the scene has no material `{0}`: there are {1}")]
     NoMaterial(String, String),
-    /// The law is not for these shapes.
+    /// The law does not hold for these shapes.
     #[error("{0}")]
     Shape(String),
     /// The contact could not be resolved.
     #[error("the contact cannot be resolved: {0}")]
     Contact(String),
-    /// No contact outlives its overlap.
+    /// Contacts of this law do not outlive their overlap.
     #[error(
         "contacts of this law end where their overlap does: only those of adhesion = \"jkr\" hold on across a gap"
     )]
@@ -56,7 +56,7 @@ pub enum PairError {
 }
 
 impl Acting {
-    /// Force, moment and energy, one after the other.
+    /// Force, moment and energy, in this order.
     pub fn numbers(&self) -> [f64; 7] {
         let Self { force, moment, stored } = self;
         [force.x, force.y, force.z, moment.x, moment.y, moment.z, *stored]
@@ -64,7 +64,7 @@ impl Acting {
 }
 
 impl Scene {
-    /// The material of this name.
+    /// Material with this name.
     ///
     /// # Errors
     /// If there is none.
@@ -78,8 +78,8 @@ impl Scene {
         found.map(|index| MaterialId(index as u16)).ok_or_else(none)
     }
 
-    /// What acts in a pair of bodies of these materials. With `touched` they have touched before, and hold on across a gap if
-    /// the law does.
+    /// Forces in a pair of bodies of these materials. With `touched` they have touched before, and stick across a gap if
+    /// the law allows it.
     ///
     /// # Errors
     /// If the law is not for such bodies, their contact cannot be resolved, or no contact of it can be `touched` across a gap.
@@ -102,10 +102,10 @@ impl Scene {
         Ok(Acting { force: -on_a, moment: -torque, stored })
     }
 
-    /// What acts in each place where two bodies touch, and where that is.
+    /// Force and contact point in each place where two bodies touch.
     ///
     /// # Errors
-    /// As [`Scene::acting`].
+    /// See [`Scene::acting`].
     pub fn places(
         &self,
         bodies: [&Body; 2],
@@ -116,7 +116,7 @@ impl Scene {
         let first = Slot(particles.id.iter().position(|id| *id == GlobalId(0)).unwrap_or(0) as u32);
         let place = |contact: Loaded| {
             let Loaded { pair, geometry, state, force, point, patch, .. } = contact;
-            // Pieces stand in an order of their own.
+            // The order of pieces differs from that of the bodies.
             let sign = if particles.body_of(pair.a) == first { 1.0 } else { -1.0 };
             let point =
                 particles.position[pair.a.index()] - particles.position[first.index()] + point;
@@ -148,7 +148,7 @@ impl Scene {
         Ok(found.into_iter().map(place).collect())
     }
 
-    /// A simulation of these two bodies, in which forces have been found.
+    /// A simulation of these two bodies, after its first forces.
     fn with_pair(
         &self,
         bodies: [&Body; 2],
@@ -206,7 +206,7 @@ impl Scene {
     }
 }
 
-/// What acts in two spheres that have touched and are apart by no more than the law holds on.
+/// Forces in two spheres that have touched, across a gap over which the law still holds.
 fn across_gap(sim: &mut Simulation) -> Option<Acting> {
     let pair = Pair { a: Slot(0), b: Slot(1) };
     let particles = &sim.particles;

@@ -1,7 +1,7 @@
-//! What a scene takes from elsewhere: files that it includes, and the scene of the stage before.
+//! Parts of a scene from elsewhere: included files, and the scene of the previous stage.
 //!
-//! A scene that takes something says more than that. Tables are merged key by key, lists of tables that have names by these names; every
-//! other value is replaced.
+//! The values of a scene override those of its parts. Tables are merged key by key, lists of named tables by these names;
+//! every other value is replaced.
 
 use super::before;
 use super::form;
@@ -14,33 +14,33 @@ use crate::text as files;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Files that include each other, one in the other.
+/// Largest depth of nested includes.
 const DEEPEST: usize = 16;
-/// Files of one scene.
+/// Largest number of files of one scene.
 const MOST_FILES: usize = 100;
 
-/// What `like` takes: where particles are, what they are, and how they touch.
+/// Keys that `like` takes: places, properties and contacts of particles.
 const TAKEN: [&str; 8] =
     ["domain", "gravity", "material", "interaction", "shape", "wall", "contact", "law"];
 
-/// Which files that a scene names must be there.
+/// Files named by a scene that must exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Need<'a> {
     AllFiles,
-    /// All but the snapshot from which the stage begins: it goes on from this one of its own.
+    /// All but the snapshot from which the stage began: it continues from this one.
     Snapshot(&'a Path),
 }
 
-/// A scene that names all that it is made of.
+/// A scene with all its parts.
 pub(super) struct Whole {
     pub(super) root: Node,
-    /// Where files that it names are looked for.
+    /// Folder of the files that it names.
     pub(super) folder: PathBuf,
-    /// The same as a text that needs no other scene.
+    /// The scene as a text that needs no other one.
     pub(super) text: String,
 }
 
-/// Reads a scene and what it takes from elsewhere, and applies the overrides; `None` if one of the texts is not to be had.
+/// Reads a scene and its parts, and applies the overrides; `None` if one of the texts is not available.
 pub(super) fn read(
     text: &str,
     (file, folder): (&str, &Path),
@@ -79,7 +79,7 @@ fn given<'a>(root: &'a Node, key: &str, mistakes: &'a Mistakes) -> Option<Given<
     Given::root(root, mistakes).section()?.get(key)
 }
 
-/// Where a scene itself says that its files are.
+/// Folder of files that the scene sets itself.
 fn folder_of(root: &Node, mistakes: &Mistakes) -> Option<PathBuf> {
     given(root, "folder", mistakes)?.text().map(PathBuf::from)
 }
@@ -94,14 +94,14 @@ fn remove(root: &mut Node, key: &str) {
 
 /// Files that are being read.
 struct Files<'a> {
-    /// One within the other, with their names in messages and their paths.
+    /// Nested files, with their names in messages and their paths.
     open: Vec<(String, PathBuf)>,
     count: usize,
     mistakes: &'a Mistakes,
 }
 
 impl Files<'_> {
-    /// What a file says, upon what it includes, and whether it includes anything. Paths are relative to its folder.
+    /// A file merged with its includes, and whether it has any. Paths are relative to its folder.
     fn with_included(&mut self, mut root: Node, folder: &Path) -> Option<(Node, bool)> {
         let Some(include) = given(&root, "include", self.mistakes) else {
             return Some((root, false));
@@ -126,7 +126,7 @@ impl Files<'_> {
         Some((base, true))
     }
 
-    /// One of the files that a file includes.
+    /// One included file.
     fn included(&mut self, given: &Given, folder: &Path) -> Option<Node> {
         let path = folder.join(given.text()?);
         let name = path.display().to_string();
@@ -157,7 +157,7 @@ fn is_one_file(a: &Path, b: &Path) -> bool {
     a == b || a.canonicalize().ok().is_some_and(|a| Some(a) == b.canonicalize().ok())
 }
 
-/// Puts what one scene says upon what another says.
+/// Overrides the values of one scene by those of another.
 fn merge(base: &mut Node, over: Node) {
     merge_values(base, over, Some(&SCENE));
 }
@@ -172,7 +172,7 @@ fn merge_tables(base: &mut Table, over: Table, keys: &Keys) {
     }
 }
 
-/// Values of a kind, as far as there is such a key.
+/// Merges values of a kind, if the key is known.
 fn merge_values(base: &mut Node, over: Node, kind: Option<&Kind>) {
     match (&mut base.value, over.value, kind) {
         (Value::Table(base), Value::Table(over), Some(Kind::Table(keys)))
@@ -212,7 +212,7 @@ fn has_names(list: &[Node]) -> bool {
 
 // --- paths ---
 
-/// Puts a folder before the paths of files.
+/// Prefixes the paths of files with a folder.
 fn rebase(value: &mut Value, kind: &Kind, folder: &Path) {
     match (value, kind) {
         (Value::Text(path), Kind::File) => *path = folder.join(&**path).display().to_string(),
@@ -232,12 +232,12 @@ fn rebase(value: &mut Value, kind: &Kind, folder: &Path) {
     }
 }
 
-/// A folder seen from where the program is called, wherever it is seen from.
+/// Absolute path of a folder.
 fn absolute(folder: &Path) -> PathBuf {
     std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned())
 }
 
-/// Is a file named in it?
+/// Does the value name a file?
 fn names_files(value: &Value, kind: &Kind) -> bool {
     match (value, kind) {
         (Value::Text(_), Kind::File) => true,
@@ -253,7 +253,7 @@ fn names_files(value: &Value, kind: &Kind) -> bool {
 
 // --- like ---
 
-/// Takes from the scene of the stage before, if this one says so; `None` if that cannot be.
+/// Merges the scene of the previous stage, if this one requests it; `None` if that fails.
 fn like(
     root: &mut Node,
     folder: &Path,
@@ -261,7 +261,7 @@ fn like(
     need: Need,
     mistakes: &Mistakes,
 ) -> Option<bool> {
-    // Mistakes in overrides are told where these are applied.
+    // Errors in overrides are reported where they are applied.
     let mut changed = root.clone();
     input::apply_all(&mut changed, overrides, &Mistakes::default());
     let Some(like) = given(&changed, "like", mistakes) else { return Some(false) };
@@ -277,7 +277,7 @@ fn like(
     };
     let snapshot = match need {
         Need::AllFiles => PathBuf::from(start.text()?),
-        // It was begun with what it has of that.
+        // Its own snapshot has these parts already.
         Need::Snapshot(own) => own.to_owned(),
     };
     let scene = before::scene(&snapshot).map_err(|error| like.fail(error)).ok()?;

@@ -1,4 +1,4 @@
-//! Unions: from the file as written to convex pieces.
+//! Unions: convex pieces from the parsed file.
 //!
 //! | given | pieces |
 //! |---|---|
@@ -20,10 +20,10 @@ use parry3d_f64::transformation::vhacd::{VHACD, VHACDParameters};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// By default the pieces of a mesh are as near to it as this part of its size.
+/// Default distance of the pieces of a mesh from it, over its size.
 const TOLERANCE: f64 = 0.05;
 
-/// A turn by an angle about an axis through the origin.
+/// Rotation by an angle about an axis through the origin.
 pub(super) fn turn(given: &Given) -> Option<Quat> {
     let section = given.section()?;
     let axis = section.require("axis").and_then(|given| given.direction());
@@ -31,8 +31,8 @@ pub(super) fn turn(given: &Given) -> Option<Quat> {
     Some(rotation_about(&axis?, angle?.to_radians()))
 }
 
-/// The union that a section means. `find` knows shapes by their names; paths are relative to the folder. `kept` is the union of this name with
-/// which the particles were before.
+/// The union of a section. `find` returns shapes by their names; paths are relative to the folder. `kept` returns the union
+/// of this name in an earlier snapshot.
 pub(super) fn union(
     section: &Section,
     find: impl Fn(&Given) -> Option<Shape>,
@@ -69,7 +69,7 @@ pub(super) fn union(
     Some(Shape::Union(Box::new(body)))
 }
 
-/// A shape of the scene, placed in the axes in which it is written.
+/// A shape of the scene, placed in its axes of definition.
 fn piece(given: &Given, find: impl Fn(&Given) -> Option<Shape>) -> Option<Piece> {
     let section = given.section()?;
     let shape = section.require("shape").and_then(|given| find(&given));
@@ -79,14 +79,14 @@ fn piece(given: &Given, find: impl Fn(&Given) -> Option<Shape>) -> Option<Piece>
     Some(placed(shape, &at, &turn))
 }
 
-/// A shape whose own axes stand so.
+/// A shape with its axes of definition at this place and rotation.
 fn placed(shape: Shape, at: &Vec3, turn: &Quat) -> Piece {
     let upright = Placement { centre: Vec3::zeros(), axes: Quat::identity() };
     let own = shape.placement().copied().unwrap_or(upright);
     Piece { shape, centre: at + turn * own.centre, rotation: turn * own.axes }
 }
 
-/// The pieces that files have.
+/// Pieces from files.
 fn of_files(all: &[Given], section: &Section, folder: &Path, scale: f64) -> Option<Vec<Piece>> {
     section.refuse("tolerance", "is of a mesh that is cut into `pieces`");
     let mut pieces = Vec::new();
@@ -119,7 +119,8 @@ fn groups(path: &Path, scale: f64) -> Result<Vec<Piece>, String> {
     groups.into_iter().map(piece).collect()
 }
 
-/// Balls, a line each: centre and radius, between blanks or commas. Empty lines and what follows `#` are left out, and so is a first line of words.
+/// Balls, one per line: centre and radius, separated by blanks or commas. Empty lines, text after `#` and a first line of
+/// words are skipped.
 fn balls(path: &Path, scale: f64) -> Result<Vec<Piece>, String> {
     let text = text::read(path).map_err(|error| error.to_string())?;
     let mut pieces = Vec::new();
@@ -147,23 +148,23 @@ fn balls(path: &Path, scale: f64) -> Result<Vec<Piece>, String> {
     Ok(pieces)
 }
 
-/// Cells along the longest side of a mesh by which it is cut.
+/// Number of cells along the longest side of a mesh when it is cut.
 const RESOLUTION: u32 = 64;
-/// How much of its volume a part may lack to its hull, before it is cut again.
+/// Largest volume that a part may lack to its hull before it is cut again, over its volume.
 const CONCAVITY: f64 = 0.001;
 
-/// By which library meshes are cut, and how, for `--plan`.
+/// Library and settings of the cut, for `--plan`.
 pub(super) fn cut_by() -> String {
     format!(
         "V-HACD of parry3d-f64 0.31, {RESOLUTION} cells along its longest side, concavity {CONCAVITY}"
     )
 }
 
-/// How a mesh is to be cut.
+/// Settings of the cut of a mesh.
 struct Wanted {
-    /// Into so many pieces at most.
+    /// Largest number of pieces.
     count: u32,
-    /// How far these may be from it, over the radius of the body.
+    /// Largest distance of the pieces from the mesh, over the radius of the body.
     tolerance: f64,
 }
 
@@ -172,14 +173,15 @@ impl Wanted {
         body.far() <= self.tolerance * body.bounding_radius()
     }
 
-    /// Was a union cut from a mesh with these moments as this one is to be? Then it stays, whatever the library would make of the mesh now.
+    /// Was a union cut from a mesh with these moments and settings? Then it is kept, even if the library would now cut
+    /// differently.
     fn is_it(&self, body: &Union, mesh: &Principal) -> bool {
         let is_same = body.volume() == mesh.volume && body.gyration() == mesh.gyration;
         is_same && body.asked() == self.count && self.is_near(body)
     }
 }
 
-/// A closed mesh of any form, cut into pieces, or as it has been before. Volume, centre and moments of inertia are the mesh's.
+/// A closed mesh of any form cut into pieces, or its earlier pieces. Volume, centre and moments of inertia are the mesh's.
 fn cut(
     given: &Given,
     path: &Path,
@@ -223,10 +225,10 @@ fn cut(
     Some(Shape::Union(Box::new(body.of_at_most(wanted.count))))
 }
 
-/// Convex hulls of the parts into which a surface is cut, so many at most.
+/// Convex hulls of the parts into which a surface is cut, at most `count`.
 ///
 /// # Errors
-/// What is wrong with a part.
+/// The reason why a part is invalid.
 fn hulls(corners: &[Vec3], faces: &[[u32; 3]], count: u32) -> Result<Vec<Piece>, String> {
     let parameters = VHACDParameters {
         resolution: RESOLUTION,
@@ -247,21 +249,21 @@ fn hulls(corners: &[Vec3], faces: &[[u32; 3]], count: u32) -> Result<Vec<Piece>,
     Ok(joined(bodies, count as usize)?.into_iter().map(place).collect())
 }
 
-/// The hull of points, of which some may be the same; `None` if it has no volume.
+/// The hull of points, which may contain duplicates; `None` if it has no volume.
 fn around(mut points: Vec<Vec3>) -> Result<Option<Polyhedron>, String> {
     loop {
         match Polyhedron::around(&points) {
             Ok(body) => return Ok(Some(body)),
             Err(HullError::Same { second, .. }) => drop(points.swap_remove(second)),
-            // A part without a volume adds nothing.
+            // A part without volume adds nothing.
             Err(HullError::Flat | HullError::TooFew { .. }) => return Ok(None),
             Err(error) => return Err(format!("cannot be cut: {error}")),
         }
     }
 }
 
-/// The cutting halves parts and may leave twice as many as are asked for. The two whose common hull adds the least volume become one,
-/// until there are so many at most.
+/// Joins pieces until there are at most `count`, because cutting by halves may leave twice as many. The two whose common
+/// hull adds the least volume are joined first.
 fn joined(bodies: Vec<Polyhedron>, count: usize) -> Result<Vec<Polyhedron>, String> {
     let mut left = bodies.len();
     let mut bodies: Vec<Option<Polyhedron>> = bodies.into_iter().map(Some).collect();

@@ -1,4 +1,4 @@
-//! What a scene will cost, printed before it runs: `dem-mpi --plan`.
+//! Contents and cost of a scene, printed before it runs: `dem-mpi --plan`.
 
 use super::bed::Share;
 use super::doubts::doubts;
@@ -27,14 +27,14 @@ use std::fmt::Display;
 /// Contacts over particles in a bed, in estimates.
 const CONTACTS_PER_PARTICLE: u64 = 4;
 
-/// Time to make a cell behind a triangle, and to look at another triangle for it, about [s].
+/// Estimated time to make a cell behind a triangle, and to check another triangle for it [s].
 const SECONDS_PER_CELL: f64 = 1e-5;
 const SECONDS_PER_LOOK: f64 = 5e-8;
-/// So many shapes and pairs of materials are listed, the others counted.
+/// Number of shapes and pairs of materials that are listed; the others are counted.
 const SHOWN: usize = 50;
 
-/// What is in, what is left out and why, and the bytes, messages and time steps that follow, for a run
-/// on so many ranks. Numbers of particles per rank are estimates for the settled bed.
+/// Parts of the model in use and left out, with reasons, and the resulting bytes, messages and time
+/// steps on this number of ranks. Numbers of particles per rank are estimates for the settled bed.
 pub fn plan(scene: &Scene, ranks: u32) -> String {
     let mut page = Page(format!("{}\n", scene.title));
     what_is_in(scene, &mut page);
@@ -44,7 +44,7 @@ pub fn plan(scene: &Scene, ranks: u32) -> String {
     page.0
 }
 
-/// Whether so many ranks can hold the particles of the start.
+/// Checks that this number of ranks can hold the initial particles.
 ///
 /// # Errors
 /// If one rank needs more than the memory of a machine [bytes] for their columns alone.
@@ -179,7 +179,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     page.line("columns", columns.join("; "));
 }
 
-/// Who is held or pushed, and how.
+/// Held and pushed groups.
 fn groups(scene: &Scene, page: &mut Page) {
     if scene.groups.is_empty() {
         return;
@@ -197,7 +197,7 @@ fn groups(scene: &Scene, page: &mut Page) {
     }
 }
 
-/// The shares of a mix, by number and by mass.
+/// Shares of a mix, by number and by mass.
 fn shares(scene: &Scene, mix: &Mix, page: &mut Page) {
     if mix.shapes().count() < 2 {
         return;
@@ -256,7 +256,7 @@ fn shapes(scene: &Scene, page: &mut Page) {
     }
 }
 
-/// How many, and how well they are known.
+/// Number of pieces, and their accuracy.
 pub(super) fn pieces_of(body: &Union) -> String {
     let (count, error) = (body.pieces().len(), body.error());
     let volume = body.volume();
@@ -331,7 +331,7 @@ fn walls(scene: &Scene, page: &mut Page) {
     }
 }
 
-/// What a servo keeps and how, in words.
+/// Text about the target of a servo and its motion.
 fn steered(scene: &Scene, servo: &Servo) -> String {
     let kept = match servo.goal {
         Goal::Stress(stress) => format!("{stress:e} Pa"),
@@ -353,7 +353,7 @@ fn steered(scene: &Scene, servo: &Servo) -> String {
     format!("{names}: {kept}, at most {:e} m/s, gain {}{over}", servo.max_speed, servo.gain)
 }
 
-/// How a wall moves that no servo drives, in words.
+/// Text about the motion of a wall without a servo.
 fn motion(wall: &Wall) -> Option<String> {
     if let Some(course) = &wall.course {
         return Some(course.summary());
@@ -370,7 +370,7 @@ fn motion(wall: &Wall) -> Option<String> {
     (!parts.is_empty()).then(|| parts.join(", "))
 }
 
-/// Which materials can meet.
+/// Pairs of materials that can meet.
 fn pairs_of_materials(scene: &Scene) -> Vec<(MaterialId, MaterialId)> {
     let library = &scene.library;
     let grains: BTreeSet<_> = library.materials[..library.particle_shapes].iter().collect();
@@ -381,7 +381,7 @@ fn pairs_of_materials(scene: &Scene) -> Vec<(MaterialId, MaterialId)> {
     pairs
 }
 
-/// Which kinds of shapes can meet.
+/// Pairs of kinds of shapes that can meet.
 fn pairs_of_kinds(scene: &Scene) -> Vec<(Kind, Kind)> {
     let mut present = scene.particle_kinds();
     present.extend(scene.facet_kinds());
@@ -393,7 +393,7 @@ fn pairs_of_kinds(scene: &Scene) -> Vec<(Kind, Kind)> {
     pairs
 }
 
-/// What of triangles grains touch.
+/// Parts of triangles that particles touch.
 const FACETS: &str = "faces, edges, corners";
 
 fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
@@ -483,7 +483,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     page.line("ghost", format!("{} bytes in the message of each step", 8 * needs.halo_values()));
     let outlives = scene.law.reach(scene.library.largest_radius());
     let reach = halo_width(&scene.library, scene.skin, outlives);
-    // Force and stiffness of walls that forces move.
+    // Force and stiffness of walls moved by forces.
     let sums = 2 * (scene.servos.len() + scene.free_walls.len());
     if sums > 0 {
         let bytes = sums * 8 * ExactSum::LIMBS;
@@ -517,7 +517,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     );
     let particles = count * particle_bytes(&scene.needs()) as u64;
     let contacts = count * CONTACTS_PER_PARTICLE * contact_bytes(scene.force_law().state()) as u64;
-    // One at the start, those on schedule, and one at the end.
+    // One at the start, the scheduled ones, and one at the end.
     let snapshots = match scene.snapshot_every {
         0 => 2,
         every => 1 + scene.steps.div_ceil(every),
@@ -556,7 +556,7 @@ fn time(scene: &Scene, page: &mut Page) {
     page.line("steps", format!("{}, {:.4} s", scene.steps, scene.steps as f64 * scene.dt));
 }
 
-/// Bytes, as people read them.
+/// Bytes with a readable unit.
 fn size(bytes: f64) -> String {
     match bytes {
         b if b < 1e3 => format!("{b:.0} bytes"),

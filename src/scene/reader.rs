@@ -1,7 +1,7 @@
-//! Readers of values and tables. The table of keys ([`SCENE`]) says which values are allowed. [`form`](super::form) checks them before
-//! any reader, and reports each mistake ([`Mistakes`]).
+//! Readers of values and tables. The table of keys ([`SCENE`]) gives the allowed values. [`form`](super::form) checks them
+//! before any reader, and reports each error ([`Mistakes`]).
 //!
-//! A reader returns `None` for a value that is not allowed and goes on, so that one run finds all mistakes of a file.
+//! A reader returns `None` for a value that is not allowed and continues, so that one run finds all errors of a file.
 
 use super::input::{Node, Table, Value, name_of};
 use super::keys::SCENE;
@@ -12,13 +12,13 @@ use crate::shape::LENGTHS;
 use crate::text::shown;
 use std::fmt;
 
-/// A value that the file gives, and what it may be.
+/// A value of the file, with its allowed values.
 #[derive(Clone, Debug)]
 pub(super) struct Given<'a> {
     pub(super) node: &'a Node,
     pub(super) path: String,
     pub(super) kind: &'static Kind,
-    /// Of its numbers, or empty.
+    /// Unit of its numbers, or empty.
     pub(super) unit: &'static str,
     mistakes: &'a Mistakes,
 }
@@ -29,12 +29,12 @@ impl<'a> Given<'a> {
         Self { node, path: String::new(), kind: &SCENE, unit: "", mistakes }
     }
 
-    /// Where it stands.
+    /// Location in the file.
     pub(super) const fn location(&self) -> &'a Location {
         &self.node.location
     }
 
-    /// Key path and value, then what is wrong.
+    /// Reports an error with key path and value.
     pub(super) fn fail(&self, what: impl fmt::Display) {
         let value = match &self.node.value {
             Value::Boolean(b) => format!(" = {b}"),
@@ -48,7 +48,7 @@ impl<'a> Given<'a> {
                 String::new()
             }
             Value::List(list) => {
-                // No more of them are shown.
+                // Longer lists are cut.
                 let first = list.iter().take(100).map(|node| node.value.to_toml()).collect();
                 format!(" = {}", shown(toml::Value::Array(first)))
             }
@@ -57,13 +57,13 @@ impl<'a> Given<'a> {
         self.mistakes.add(&self.node.location, format!("{}{value}: {what}", self.path));
     }
 
-    /// Says what is wrong, without the value.
+    /// Reports an error without the value.
     pub(super) fn fail_whole(&self, what: impl fmt::Display) {
         let colon = if self.path.is_empty() { "" } else { ": " };
         self.mistakes.add(self.location(), format!("{}{colon}{what}", self.path));
     }
 
-    /// Says what is doubtful of a value that may be as it is.
+    /// Adds a warning about an allowed value.
     pub(super) fn warn(&self, what: impl fmt::Display) {
         self.mistakes.warn(format!("{}: {what}", self.path));
     }
@@ -77,13 +77,13 @@ impl<'a> Given<'a> {
         }
     }
 
-    /// No length is so long that its cube is infinite, nor one that must be more than 0 so short that its cube is 0.
+    /// Is a length outside the range in which its cube is finite and, if it must be positive, not 0?
     pub(super) fn leaves_lengths(&self, x: f64, is_positive: bool) -> bool {
         let (size, least, most) = (x.abs(), *LENGTHS.start(), *LENGTHS.end());
         self.unit == "m" && (size > most || size < least && is_positive)
     }
 
-    /// A number of the range that the table says.
+    /// A number in the range of the table.
     pub(super) fn number(&self) -> Option<f64> {
         let x = self.as_number()?;
         let range =
@@ -92,7 +92,7 @@ impl<'a> Given<'a> {
         (range.holds(x) && !self.leaves_lengths(x, is_positive)).then_some(x)
     }
 
-    /// A whole number; `1e5` will do too.
+    /// A whole number; `1e5` is allowed.
     pub(super) fn whole(&self) -> Option<u64> {
         let whole = match self.node.value {
             Value::Integer(i) => u64::try_from(i).ok(),
@@ -114,7 +114,7 @@ impl<'a> Given<'a> {
             .filter(|text| !text.is_empty())
     }
 
-    /// What one of these words means, which are those of the table.
+    /// Meaning of a word, one of those in the table.
     pub(super) fn one_of<T: Copy>(&self, words: &[(&str, T)]) -> Option<T> {
         let text = self.text()?;
         let known = |kind: &Kind| if let Kind::Words(all) = kind { Some(all.len()) } else { None };
@@ -138,7 +138,7 @@ impl<'a> Given<'a> {
         Some(items.iter().enumerate().map(item).collect())
     }
 
-    /// So many items, each read in the same way.
+    /// `N` items, each read in the same way.
     pub(super) fn list_of<const N: usize, T: Copy>(
         &self,
         read: impl Fn(&Self) -> Option<T>,
@@ -163,7 +163,7 @@ impl<'a> Given<'a> {
         Some((vector / vector.amax()).normalize())
     }
 
-    /// Keys and values of a table whose keys are names or words, `None` if it is none.
+    /// Keys and values of a table with free names or words as keys; `None` if it is no table.
     pub(super) fn entries(&self) -> Option<Vec<(&'a str, Self)>> {
         let Value::Table(table) = &self.node.value else { return None };
         let entry = |(key, node): (&'a String, &'a Node)| {
@@ -188,7 +188,7 @@ impl<'a> Given<'a> {
         self.list().iter().flatten().filter_map(Self::section).collect()
     }
 
-    /// That of the kinds which the value may be for which a reader is.
+    /// Matching kind among the allowed ones.
     fn as_one<T>(&self, read: impl Fn(&'static Kind) -> Option<T>) -> Option<T> {
         let found = match self.kind {
             Kind::Either(kinds) => kinds.iter().find_map(read),
@@ -199,10 +199,10 @@ impl<'a> Given<'a> {
     }
 }
 
-/// Up to here every whole number is an f64.
+/// Range in which every whole number is an f64.
 pub(super) const EXACT: std::ops::RangeInclusive<f64> = 0.0..=(1_u64 << 53) as f64;
 
-/// A path and one key more, as TOML and `--set` have it.
+/// A path with one more key, in the notation of TOML and `--set`.
 fn joined(path: &str, key: &str) -> String {
     let bare = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
     let dot = if path.is_empty() { "" } else { "." };
@@ -222,7 +222,7 @@ pub(super) struct Section<'a> {
 }
 
 impl<'a> Section<'a> {
-    /// The row of a key, which must have one.
+    /// Row of a key, which must exist.
     fn key(&self, key: &str) -> Option<&'static Key> {
         let found = self.keys.find(key);
         debug_assert!(found.is_some(), "keys.md has no `{key}` in {}", self.given.path);
@@ -241,29 +241,29 @@ impl<'a> Section<'a> {
         })
     }
 
-    /// A value under a key that has no row.
+    /// A value with a key that has no row.
     pub(super) fn stray(&self, key: &str, node: &'a Node) -> Given<'a> {
         Given { node, path: joined(&self.given.path, key), ..self.given.clone() }
     }
 
-    /// Says of a key that is given why it is of no use here.
+    /// Reports why a given key is not used here.
     pub(super) fn refuse(&self, key: &str, why: &str) {
         if let Some(given) = self.get(key) {
             given.fail(why);
         }
     }
 
-    /// The value of a key that must be there.
+    /// Value of a required key.
     pub(super) fn require(&self, key: &str) -> Option<Given<'a>> {
         let (given, row) = (self.get(key), self.key(key)?);
-        // Of one that is always required it has been said.
+        // Keys that are always required have been reported already.
         if given.is_none() && !row.required {
             self.fail(format!("`{key}` is missing: {}", Allowed(&row.kind, &row.unit)));
         }
         given
     }
 
-    /// The value of a key, or what it is if the key is not there; `None` if it is wrong.
+    /// Value of a key, or the default if it is absent; `None` if it is invalid.
     pub(super) fn read_or<T>(
         &self,
         key: &str,
@@ -273,7 +273,7 @@ impl<'a> Section<'a> {
         self.get(key).map_or(Some(default), |given| read(&given))
     }
 
-    /// The value of a key, or nothing if the key is not there; `None` if it is wrong.
+    /// Value of a key, or `Some(None)` if it is absent; `None` if it is invalid.
     #[expect(clippy::option_option, reason = "wrong, none, or one")]
     pub(super) fn optional<T>(
         &self,
@@ -283,52 +283,52 @@ impl<'a> Section<'a> {
         self.read_or(key, None, |given| read(given).map(Some))
     }
 
-    /// A number that must be there.
+    /// A required number.
     pub(super) fn number(&self, key: &str) -> Option<f64> {
         self.require(key)?.number()
     }
 
-    /// A number that may be there.
+    /// An optional number.
     pub(super) fn number_or(&self, key: &str, default: f64) -> Option<f64> {
         self.read_or(key, default, Given::number)
     }
 
-    /// A whole number that may be there.
+    /// An optional whole number.
     pub(super) fn whole_or(&self, key: &str, default: u64) -> Option<u64> {
         self.read_or(key, default, Given::whole)
     }
 
-    /// A truth value that may be there.
+    /// An optional truth value.
     pub(super) fn boolean_or(&self, key: &str, default: bool) -> Option<bool> {
         self.read_or(key, default, Given::boolean)
     }
 
-    /// A vector that must be there.
+    /// A required vector.
     pub(super) fn vector(&self, key: &str) -> Option<Vec3> {
         self.require(key)?.vector()
     }
 
-    /// A vector that may be there.
+    /// An optional vector.
     pub(super) fn vector_or(&self, key: &str, default: Vec3) -> Option<Vec3> {
         self.read_or(key, default, Given::vector)
     }
 
-    /// The table of a key, if there is one.
+    /// Table of a key, if it is given.
     pub(super) fn section(&self, key: &str) -> Option<Section<'a>> {
         self.get(key)?.section()
     }
 
-    /// The tables of `[[key]]`, none if there are none.
+    /// Tables of `[[key]]`; empty if there are none.
     pub(super) fn sections(&self, key: &str) -> Vec<Section<'a>> {
         self.get(key).map_or_else(Vec::new, |given| given.sections())
     }
 
-    /// Says what is wrong with the table as a whole.
+    /// Reports an error of the whole table.
     pub(super) fn fail(&self, what: impl fmt::Display) {
         self.given.fail_whole(what);
     }
 
-    /// Its path in the file.
+    /// Path in the file.
     pub(super) fn path(&self) -> &str {
         &self.given.path
     }

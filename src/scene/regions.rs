@@ -1,4 +1,4 @@
-//! Regions in which particles appear or leave: from the file as written to [`Region`].
+//! Regions in which particles appear or leave, from the parsed file to [`Region`].
 
 use super::reader::{Given, Section};
 use crate::cell::AXES;

@@ -1,4 +1,4 @@
-//! Is there room for the particles that are to come?
+//! Checks of the room for the particles to come.
 
 use super::reader::Section;
 use super::walls::Walls;
@@ -12,23 +12,24 @@ use crate::population::Library;
 use crate::random::Random;
 use crate::walls::{Wall, met_by};
 
-/// Places of an inlet that are looked at.
+/// Number of places of an inlet that are checked.
 const PLACES: u64 = 1000;
 
-/// What the particles that are to come look at.
+/// Data for the checks.
 pub(super) struct Room<'a> {
     pub(super) root: &'a Section<'a>,
     pub(super) cell: &'a Cell,
     pub(super) walls: &'a Walls<'a>,
-    /// Of the particles' shapes, all of them.
+    /// All shapes of the particles.
     pub(super) library: &'a Library,
     pub(super) seed: u64,
-    /// After another stage walls may stand elsewhere.
+    /// Is there an earlier stage, after which walls may stand elsewhere?
     pub(super) has_start: bool,
 }
 
 impl Room<'_> {
-    /// Has a layer of rain leave places out if walls are in its slab, and counts those that are free. Refuses rain of which no place is.
+    /// Lets a layer of rain leave places out if walls are in its slab, and counts the free places. Rejects rain without any
+    /// free place.
     pub(super) fn for_rain(&self, rain: &mut Rain) {
         if rain.per_layer() == 0 {
             return;
@@ -77,7 +78,7 @@ impl Room<'_> {
         {
             given.fail(problem);
         }
-        // Where none is free now, a wall has moved, or will.
+        // If no place is free now, a wall has moved, or will.
         let free = match free {
             _ if self.has_start => places,
             0 => beside_still,
@@ -86,7 +87,8 @@ impl Room<'_> {
         rain.within = Some(Within { region, places, free: free.max(1) });
     }
 
-    /// Refuses inlets of which no place is clear of the walls that stand still, for their largest particle: the others would wait behind it.
+    /// Rejects inlets without a place that is clear of the resting walls for their largest particle: the others would wait
+    /// behind it.
     pub(super) fn for_inlets(&self, inlets: &[Inlet]) {
         if self.has_start {
             return;
@@ -112,7 +114,7 @@ impl Room<'_> {
         }
     }
 
-    /// Refuses inlets that end after more than the domain holds. Where particles leave, more may come.
+    /// Rejects inlets that end after more than the domain holds, unless particles can leave.
     pub(super) fn for_amounts(&self, inlets: &[Inlet]) {
         if self.root.get("outlet").is_some() {
             return;
@@ -121,7 +123,7 @@ impl Room<'_> {
         for (section, inlet) in self.root.sections("inlet").iter().zip(inlets) {
             let Library { shapes, mass, .. } = self.library;
             let volume = |shape: usize| shapes[shape].volume();
-            // Counted as the smallest, weighed as the densest.
+            // Volume of the smallest, mass of the densest.
             let densities = inlet.mix.shapes().map(|id| mass[id.index()] / volume(id.index()));
             let (key, most, unit, of_one) = match inlet.until {
                 None => continue,
@@ -146,7 +148,7 @@ impl Room<'_> {
     }
 }
 
-/// The volume of the smallest particle of a mix [m³].
+/// Volume of the smallest particle of a mix [m³].
 pub(super) fn least_volume(mix: &Mix, library: &Library) -> f64 {
     let of = |id: ShapeId| {
         let [scale, _] = library.sizes[id.index()].scales();
@@ -155,7 +157,7 @@ pub(super) fn least_volume(mix: &Mix, library: &Library) -> f64 {
     mix.shapes().map(of).fold(f64::INFINITY, f64::min)
 }
 
-/// The largest bounding radius of a mix [m].
+/// Largest bounding radius of a mix [m].
 fn largest_radius(mix: &Mix, library: &Library) -> f64 {
     let of = |id: ShapeId| {
         let [_, scale] = library.sizes[id.index()].scales();
@@ -164,7 +166,7 @@ fn largest_radius(mix: &Mix, library: &Library) -> f64 {
     mix.shapes().map(of).fold(0.0, f64::max)
 }
 
-/// The wall that takes most places of a region.
+/// Wall that blocks most places of a region.
 fn in_the_way<'a>(
     region: &Region,
     radius: f64,
@@ -179,7 +181,7 @@ fn in_the_way<'a>(
         }
     }
     let most = walls.iter().zip(&taken).filter(|(_, taken)| **taken > 0);
-    // Of equals the first.
+    // The first one if several block equally many.
     let most = most.rev().max_by_key(|(_, taken)| **taken)?;
     Some(&most.0.name)
 }

@@ -10,13 +10,13 @@ use crate::math::Vec3;
 use crate::random::Random;
 use std::collections::HashMap;
 
-/// So often a place is drawn for a particle before there is held to be none.
+/// Number of tries for the place of a particle before the region counts as full.
 const TRIES: u32 = 20_000;
 
-/// Bounding balls in a box, by cells as wide as the largest of them.
+/// Bounding balls in a box, in cells as wide as the largest of them.
 struct Balls<'a> {
     domain: &'a Cell,
-    /// Width of a cell along each axis [m], and how many there are along a periodic one.
+    /// Width of a cell along each axis [m], and number of cells along a periodic one.
     width: Vec3,
     cells: [Option<i64>; 3],
     in_cell: HashMap<[i64; 3], Vec<usize>>,
@@ -37,7 +37,7 @@ impl<'a> Balls<'a> {
         Self { domain, width, cells, in_cell: HashMap::new(), placed: Vec::new() }
     }
 
-    /// The cell of a place.
+    /// Cell of a place.
     fn cell(&self, place: &Vec3) -> [i64; 3] {
         let (low, _) = self.domain.corners();
         std::array::from_fn(|axis| {
@@ -68,7 +68,7 @@ impl<'a> Balls<'a> {
     }
 }
 
-/// How much is scattered.
+/// Amount of scattered particles.
 #[derive(Clone, Copy)]
 enum Amount {
     Count(u64),
@@ -77,7 +77,8 @@ enum Amount {
 }
 
 impl Fills<'_> {
-    /// Particles of `[[fill.random]]`, by the seed and their ids. They touch none of the fills before.
+    /// Particles of `[[fill.random]]`, from the seed and their ids. They touch none of the earlier
+    /// fills.
     pub(super) fn scattered(
         &self,
         section: &Section,
@@ -151,7 +152,7 @@ impl Fills<'_> {
     }
 }
 
-/// A random place for a ball [m], whole between the corners along axes that do not repeat.
+/// A random place for a ball [m], wholly between the corners along axes that do not repeat.
 fn place(balls: &Balls, [low, high]: [Vec3; 2], radius: f64, random: &mut Random) -> Option<Vec3> {
     let periodic = balls.domain.periodic();
     let margin = Vec3::from_fn(|axis, _| if periodic[axis] { 0.0 } else { radius });
@@ -164,7 +165,7 @@ fn place(balls: &Balls, [low, high]: [Vec3; 2], radius: f64, random: &mut Random
         .find(|place| balls.has_room(place, radius))
 }
 
-/// There is no more room.
+/// Error for a region without further room.
 fn full(placed: usize, mix: &Mix) -> String {
     let several =
         if mix.shapes().count() > 1 { ", larger shapes in a fill before smaller ones" } else { "" };

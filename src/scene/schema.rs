@@ -1,6 +1,7 @@
-//! A JSON schema of scene files, by which editors complete and check them, from the table of keys.
+//! JSON schema of scene files from the table of keys, for completion and checks in editors.
 //!
-//! It knows each table by itself. What concerns several (names, the stable time step, room) `dem-mpi --check` finds.
+//! It checks each table separately. Conditions between tables (names, the stable time step, room) are checked by
+//! `dem-mpi --check`.
 
 use super::geometry;
 use super::keys::SCENE;
@@ -14,7 +15,7 @@ pub fn schema() -> Value {
     if let Kind::Table(keys) = &*SCENE {
         let has = |key: &str| json!({ "required": [key] });
         root["if"] = json!({ "anyOf": [has("include"), has("like")] });
-        // The rest may stand elsewhere.
+        // The other parts may be in the included files.
         root["then"] = json!(true);
         root["else"] = needed(keys);
     }
@@ -26,7 +27,7 @@ pub fn schema() -> Value {
 fn of(kind: &Kind) -> Value {
     match kind {
         Kind::Number(range) => number(range),
-        // 1e5 is one, too.
+        // 1e5 is a whole number, too.
         Kind::Whole(least) => json!({ "type": "integer", "minimum": least }),
         Kind::Boolean => json!({ "type": "boolean" }),
         Kind::Text | Kind::File => json!({ "type": "string", "minLength": 1 }),
@@ -61,7 +62,7 @@ fn number(range: &Range) -> Value {
     number
 }
 
-/// What must be there of tables with headers.
+/// Required keys of tables with headers.
 fn needed(keys: &Keys) -> Value {
     let required = keys.all.iter().filter(|key| key.required).map(|key| &key.name);
     let inside = keys.all.iter().filter_map(|key| {
@@ -79,7 +80,7 @@ fn needed(keys: &Keys) -> Value {
     json!({ "required": required.collect::<Vec<_>>(), "properties": inside })
 }
 
-/// A table that has no other keys than these.
+/// A table with no other keys than these.
 fn table(keys: &Keys) -> Value {
     let property = |key: &Key| {
         let mut value = of(&key.kind);
@@ -102,7 +103,7 @@ fn table(keys: &Keys) -> Value {
     object
 }
 
-/// A shape of a kind has no keys of other kinds.
+/// Rejects keys of other kinds for a shape of a kind.
 fn keys_of_kind(keys: &Keys, kind: shape::Kind) -> Option<Value> {
     geometry::keys(kind)?;
     let refused = keys.all.iter().filter(|key| !geometry::has(Some(kind), &key.name));

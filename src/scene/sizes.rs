@@ -1,15 +1,15 @@
-//! Sizes of the particles of a shape: from the file as written to [`Sizes`].
+//! Particle sizes of a shape, from the parsed file to [`Sizes`].
 
 use super::reader::Given;
 use crate::population::sizes::{By, Distribution, Law, Sizes};
 
-/// What `limits` and `uniform` are.
+/// Allowed values of `limits` and `uniform`.
 const TWO: &str = "a list of two numbers greater than 0: the smallest scale and the largest";
-/// What `table` is.
+/// Allowed values of `table`.
 const ROWS: &str =
     "a list of two or more [scale, share that is smaller], both rising, shares from 0 to 1";
 
-/// How sizes are distributed: scales of all lengths of the shape.
+/// Distribution of sizes: scales of all lengths of the shape.
 pub(super) fn sizes(given: &Given) -> Option<Sizes> {
     let section = given.section()?;
     let by = section.read_or("by", By::Number, by);
@@ -65,7 +65,7 @@ pub(super) fn sizes(given: &Given) -> Option<Sizes> {
     distribution.map(Sizes::Drawn)
 }
 
-/// What shares are of.
+/// Quantity of shares.
 pub(super) fn by(given: &Given) -> Option<By> {
     given.one_of(&[By::Number, By::Mass].map(|by| (by.name(), by)))
 }
@@ -77,7 +77,7 @@ fn parameters(given: &Given, keys: [&'static str; 2]) -> Option<[f64; 2]> {
     Some([first?, second?])
 }
 
-/// The smallest scale and the largest.
+/// Smallest and largest scale.
 fn two(given: &Given) -> Option<[f64; 2]> {
     let [least, largest] = given.list_of(Given::number)?;
     if least > largest {
@@ -87,7 +87,7 @@ fn two(given: &Given) -> Option<[f64; 2]> {
     Some([least, largest])
 }
 
-/// A cumulative curve, and its ends.
+/// A cumulative curve, with its ends.
 fn table(given: &Given) -> Option<(Law, Option<[f64; 2]>)> {
     let rows: Option<Vec<[f64; 2]>> =
         given.list()?.iter().map(|row| row.list_of(Given::number)).collect();

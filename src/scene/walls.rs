@@ -1,4 +1,4 @@
-//! Walls and what moves them: from the file as written.
+//! Walls and their motions, from the parsed file.
 
 mod servos;
 
@@ -22,10 +22,10 @@ use crate::walls::{TorqueAbout, Wall};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// The most that a wall may move in a step, over the shortest axis of any grain.
+/// Largest motion of a wall in a step, over the shortest axis of any particle.
 pub(super) const LONGEST_MOVE: f64 = 0.05;
 
-/// What is wrong with a wall of this speed [m/s], if it moves too far in a step of `dt` [s].
+/// Error for a wall of this speed [m/s], if it moves too far in a step of `dt` [s].
 fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
     let most = too_far(speed, dt, library)?;
     Some(format!(
@@ -37,18 +37,18 @@ fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
     ))
 }
 
-/// The most that a wall may move in a step [m], if one of this speed [m/s] moves farther in a step of `dt` [s].
+/// Largest motion of a wall in a step [m], if one of this speed [m/s] exceeds it in a step of `dt` [s].
 pub(super) fn too_far(speed: f64, dt: Option<f64>, library: &Library) -> Option<f64> {
     let (dt, most) = (dt?, LONGEST_MOVE * 2.0 * library.least_inscribed_radius());
     (speed * dt > most).then_some(most)
 }
 
-/// By what factor a wall must be slower that goes so far in a step [m], if this is the most [m].
+/// Factor by which a wall with this motion in a step [m] is too fast for the largest allowed one [m].
 fn slower_by(way: f64, most: f64) -> f64 {
     1.005 * way / most
 }
 
-/// A wall on its way into the library.
+/// A wall that is not yet in the library.
 struct Planned {
     wall: Wall,
     material: MaterialId,
@@ -69,7 +69,7 @@ fn moves(wall: &Wall, has_servo: bool) -> bool {
         || wall.mass.is_finite()
 }
 
-/// The walls on sides of the domain, then all others; `None` for what is wrong.
+/// Walls on sides of the domain, then all others; `None` for invalid ones.
 pub(super) struct Walls<'a> {
     names: Names,
     motions: Motions<'a>,
@@ -159,7 +159,7 @@ impl<'a> Walls<'a> {
         }
     }
 
-    /// Looks whether walls go too fast towards or from the grains for a time step of `dt` [s].
+    /// Checks that walls are not too fast towards or from the particles for a time step of `dt` [s].
     pub(super) fn check_speeds(
         &self,
         root: &Section,
@@ -215,7 +215,7 @@ impl<'a> Walls<'a> {
             let k = self.names.index(name);
             let Some(planned) = k.and_then(|k| self.all[k].as_ref()) else { continue };
             if planned.wall.course.is_some() {
-                // Looked at above.
+                // Checked above.
                 continue;
             }
             if let Some(wrong) = too_fast(planned.wall.speed_inwards().abs(), dt, library) {
@@ -224,7 +224,7 @@ impl<'a> Walls<'a> {
         }
     }
 
-    /// The same of walls that follow a course.
+    /// Checks the speeds of walls that follow a course.
     fn check_courses(&self, domain: Option<&Cell>, library: &Library, dt: Option<f64>) {
         self.motions.check(|given, name| {
             let k = self.names.index(name);
@@ -254,7 +254,7 @@ impl<'a> Walls<'a> {
         });
     }
 
-    /// Those that move freely, under gravity [m/s²].
+    /// Walls that move freely, under gravity [m/s²].
     pub(super) fn free(&self, gravity: Vec3) -> Vec<FreeWall> {
         let free = |(wall, name): (usize, &String)| {
             let (along, mass, force) = self.motions.free(name)?;
@@ -263,7 +263,7 @@ impl<'a> Walls<'a> {
         self.names.all.iter().enumerate().filter_map(free).collect()
     }
 
-    /// The highest stress of walls that move freely, as far as it is known [Pa].
+    /// Highest stress of walls that move freely, as far as it is known [Pa].
     pub(super) fn stress_of_free(&self, free: &[FreeWall], domain: Option<&Cell>) -> f64 {
         let wall = |planned: &Option<Planned>| planned.as_ref().map(|p| p.wall.clone());
         let walls: Option<Vec<Wall>> = self.all.iter().map(wall).collect();
@@ -271,8 +271,8 @@ impl<'a> Walls<'a> {
         free.iter().filter_map(|free| free.stress(&walls, domain)).fold(0.0, f64::max)
     }
 
-    /// Looks whether surfaces meet particles of shapes for which they have contacts, and gives those of triangles what grains with
-    /// faces need.
+    /// Checks that surfaces have contacts with the shapes of the particles, and prepares triangle meshes for particles with
+    /// faces.
     pub(super) fn check_surfaces(&mut self, root: &Section, library: &Library, method: &Method) {
         let all = || library.names.iter().zip(&library.shapes).take(library.own_shapes());
         let all_names = |is: fn(Kind) -> bool| {
@@ -282,7 +282,7 @@ impl<'a> Walls<'a> {
             listed(of.map(name), MOST_NAMED)
         };
         let faces = all_names(Kind::has_faces);
-        // Whose contacts have an extent.
+        // Shapes whose contacts have an extent.
         let extended = all_names(|kind| kind.extended()[0] > 0);
         let farthest = library.longest_with_faces();
         let sections = root.sections("wall");
@@ -301,7 +301,7 @@ impl<'a> Walls<'a> {
                 ));
                 continue;
             }
-            // By the method both are alike.
+            // The method treats all such pairs alike.
             let pair = (Kind::Polyhedron, Kind::TriangleMesh);
             if !method.is_by_thickness(pair) {
                 given.fail(format!(
@@ -323,13 +323,13 @@ impl<'a> Walls<'a> {
         }
     }
 
-    /// How many shapes they need.
+    /// Number of shapes that they need.
     pub(super) fn count(&self) -> usize {
         let shapes = |planned: &Option<Planned>| planned.as_ref().map_or(1, |p| p.wall.shapes());
         self.all.iter().map(shapes).sum()
     }
 
-    /// How walls and groups of particles move.
+    /// Motions of walls and of groups of particles.
     pub(super) const fn motions(&self) -> &Motions<'a> {
         &self.motions
     }
@@ -339,17 +339,17 @@ impl<'a> Walls<'a> {
         self.names.index(name).is_some()
     }
 
-    /// All that are known.
+    /// All valid walls.
     pub(super) fn known(&self) -> impl Iterator<Item = &Wall> {
         self.all.iter().flatten().map(|planned| &planned.wall)
     }
 
-    /// Those of them that stand still.
+    /// All valid walls that do not move.
     pub(super) fn still(&self) -> impl Iterator<Item = &Wall> {
         self.all.iter().flatten().filter(|planned| !planned.moves()).map(|planned| &planned.wall)
     }
 
-    /// Puts a plane of each material of the walls into a library that has none of them yet.
+    /// Adds a plane of each material of the walls to a library that has none yet.
     pub(super) fn stand_in(&self, library: &mut Library) {
         let materials = self.all.iter().flatten().map(|planned| planned.material);
         for material in materials.collect::<BTreeSet<_>>() {
@@ -358,7 +358,7 @@ impl<'a> Walls<'a> {
         }
     }
 
-    /// The walls, with their shapes added to the library.
+    /// Walls, with their shapes added to the library.
     pub(super) fn into_library(self, library: &mut Library) -> Option<Vec<Wall>> {
         let all: Option<Vec<Planned>> = self.all.into_iter().collect();
         let wall = |Planned { mut wall, material, has_servo }| {
@@ -373,7 +373,7 @@ impl<'a> Walls<'a> {
     }
 }
 
-/// Is a wall driven by something else than forces?
+/// Is a wall driven by something other than forces?
 pub(super) fn are_driven(root: &Section) -> bool {
     let has = |section: &Section, key| section.get(key).is_some();
     root.section("domain").is_some_and(|domain| has(&domain, "wall_velocity"))
@@ -381,7 +381,7 @@ pub(super) fn are_driven(root: &Section) -> bool {
         || root.sections("motion").iter().any(|motion| !has(motion, "mass"))
 }
 
-/// A `[[wall]]`.
+/// A wall from a `[[wall]]`.
 fn planned(
     name: String,
     section: &Section,
@@ -467,15 +467,15 @@ fn planned(
     Some(Planned { wall, material: material?, has_servo: false })
 }
 
-/// Has a velocity nothing along a plane with this normal, but for rounding?
+/// Is a velocity along this normal, except for rounding?
 fn is_across(velocity: &Vec3, normal: &Vec3) -> bool {
     velocity.cross(normal).norm() <= 1e-9 * velocity.norm()
 }
 
-/// A surface that is not of planes.
+/// A surface that does not consist of planes.
 enum Surface<'a> {
     Triangles(Given<'a>, Triangles),
-    /// A cylinder or a cone: the ends of its axis [m], and the radii there [m].
+    /// Cylinder or cone: the ends of its axis [m], and the radii there [m].
     OfRevolution {
         given: Given<'a>,
         from: Vec3,
@@ -485,7 +485,7 @@ enum Surface<'a> {
 }
 
 impl Surface<'_> {
-    /// Where the wall's axes begin, if nothing else says so [m].
+    /// Origin of the wall's axes, unless it is set otherwise [m].
     const fn origin(&self) -> Vec3 {
         match self {
             Self::Triangles(_, Triangles { shift, .. }) => *shift,
@@ -494,16 +494,16 @@ impl Surface<'_> {
     }
 }
 
-/// The keys of surfaces that are not of planes.
+/// Keys of surfaces that do not consist of planes.
 const SURFACES: [&str; 3] = ["mesh", "cylinder", "cone"];
 
-/// What a scene says of all its surfaces that are not of planes.
+/// All surfaces of a scene that do not consist of planes.
 pub(super) fn surfaces<'a>(root: &Section<'a>) -> Vec<Given<'a>> {
     let walls = root.sections("wall");
     walls.iter().flat_map(|wall| SURFACES.map(|key| wall.get(key))).flatten().collect()
 }
 
-/// The surface of a wall that is not of planes, from the key that says so.
+/// Surface of a wall that does not consist of planes, from its key.
 fn surface<'a>(
     section: &Section<'a>,
     (key, given): (&str, Given<'a>),
@@ -526,7 +526,7 @@ fn surface<'a>(
     of_revolution(given, key == "cone")
 }
 
-/// A cylinder, or a cone with a radius at each end.
+/// Cylinder, or cone with a radius at each end.
 fn of_revolution(given: Given, is_cone: bool) -> Option<Surface> {
     let section = given.section()?;
     let (from, to) = (section.vector("from"), section.vector("to"));
@@ -547,16 +547,16 @@ fn of_revolution(given: Given, is_cone: bool) -> Option<Surface> {
     Some(Surface::OfRevolution { given, from, to, radii })
 }
 
-/// What is nearer to the border of a period than this part of it lies on the border.
+/// Distance over the period below which a corner counts as lying on a periodic border.
 const ON_BORDER: f64 = 1e-9;
-/// STL has numbers of 24 bits, or of seven digits: they are off by this part at most.
+/// Largest relative rounding of numbers in STL, which have 24 bits or seven digits.
 const ROUNDED_IN_STL: f64 = 5e-7;
-/// The most that corners may be welded by, over the median side of the triangles.
+/// Largest distance for welding corners, over the median side of the triangles.
 const WIDEST_WELD: f64 = 0.1;
 
-/// Adds the images of triangles beyond the periods of the domain, as far as the shortest way between two grains can reach; corners are
-/// shifted on their way into the domain [m]. Those on a border, but for what the file `rounded` them [m], get all of its digits, so that images
-/// hang together.
+/// Adds the images of triangles beyond the periods of the domain, as far as the shortest distance between two particles can
+/// reach. Corners are shifted into the domain [m]. Corners within the rounding of the file [m] of a border are put on it
+/// exactly, so that images are connected.
 fn add_images(
     given: &Given,
     corners: &mut Vec<[Vec3; 3]>,
@@ -618,7 +618,7 @@ fn add_images(
     corners.iter_mut().flatten().for_each(|corner| *corner -= shift);
 }
 
-/// How far a cylinder goes on beyond its ends [m], where it goes through a period.
+/// Length by which a cylinder continues beyond its ends [m], if it spans a period.
 fn beyond_ends(
     given: &Given,
     (from, to): (&Vec3, &Vec3),
@@ -644,7 +644,7 @@ fn beyond_ends(
     0.5 * (high - low)
 }
 
-/// A surface whose images go along with it does not leave the period.
+/// Rejects motions that take a surface out of the period; its images move with it.
 fn stays_in_period(given: &Given, along: &Vec3, domain: Option<&Cell>) {
     if let Some(axis) = domain.and_then(|domain| domain.repeats_along(along)) {
         given.fail(format!(
@@ -654,21 +654,21 @@ fn stays_in_period(given: &Given, along: &Vec3, domain: Option<&Cell>) {
     }
 }
 
-/// What a file says of a wall.
+/// Triangles of a wall from a file.
 struct Triangles {
-    /// Scaled and turned, not yet shifted [m].
+    /// Corners, scaled and turned, not yet shifted [m].
     corners: Vec<[Vec3; 3]>,
-    /// [m]
+    /// Shift [m].
     shift: Vec3,
-    /// How far off the digits of the file may have put them [m].
+    /// Largest error of the corners from the digits of the file [m].
     rounded: Vec3,
-    /// How near corners are that are one [m].
+    /// Distance within which corners are joined [m].
     weld: f64,
-    /// The angle up to which edges are smooth [rad].
+    /// Largest angle of smooth edges [rad].
     smooth: f64,
 }
 
-/// The angle up to which edges count as smooth, if the file does not say [°]: that of a cylinder of 36 strips.
+/// Default for the largest angle of smooth edges [°]: that of a cylinder of 36 strips.
 const SMOOTH: f64 = 10.0;
 
 fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangles> {
@@ -718,7 +718,7 @@ fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangle
     Some(Triangles { corners, shift: shift?, rounded, weld: weld?, smooth: smooth?.to_radians() })
 }
 
-/// The median of the sides of triangles [m].
+/// Median side of triangles [m].
 fn median_side(corners: &[[Vec3; 3]]) -> f64 {
     let side = |[a, b, c]: &[Vec3; 3]| [(b - a).norm(), (c - b).norm(), (a - c).norm()];
     let mut sides: Vec<f64> = corners.iter().flat_map(side).collect();
@@ -739,7 +739,7 @@ fn plane(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
     Some((point?, normal?))
 }
 
-/// The point about which a wall turns [m], and its angular velocity [rad/s].
+/// Point about which a wall turns [m], and its angular velocity [rad/s].
 pub(super) fn rotation(section: &Section, domain: Option<&Cell>) -> Option<(Vec3, Vec3)> {
     let (about, axis) = axis_of_turn(section, domain);
     let rate = section.number("rate");

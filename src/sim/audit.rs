@@ -1,14 +1,16 @@
-//! The audit of contacts: every so many steps a sample of those that touch is resolved again, to convergence
-//! ([`Converged`]), and the errors of the run's own answers are kept for the report. It changes nothing of the simulation.
+//! Audit of contacts: at regular steps a sample of the touching contacts is resolved again, to convergence ([`Converged`]).
+//! The errors of the run's own results are kept for the report. The audit does not change the simulation.
 //!
-//! Seed, step and identifiers decide which contacts are in the sample, and who owns A resolves them: the same on any number of
-//! ranks. Counts and largest errors are of all that were resolved; of very many, medians and percentiles are of those with the
-//! 4,096 least random numbers. Only contacts that touch are looked at: what a method takes for apart is not.
+//! Seed, step and ids determine the sample, and the owner of A resolves a contact, so the results do not depend on the
+//! number of ranks. Counts and largest errors cover all contacts resolved. For very many contacts, medians and percentiles
+//! cover those with the 4,096 smallest random numbers. Only touching contacts are audited: a contact that a method wrongly
+//! takes for separate is not found.
 //!
 //! Contacts of unions are left out: no resolver finds them, they are made of contacts of pieces.
 //!
-//! Cost: a contact takes 14 µs of ellipsoids, about 50 µs of superellipsoids, 2 µs of polyhedra, less than 1 µs of spheres. A
-//! fiftieth of the contacts every 1,000 steps takes 0.2 % of the time of settled ellipsoids, less of all others.
+//! Cost: a contact takes 14 µs for ellipsoids, about 50 µs for superellipsoids, 2 µs for polyhedra, less than 1 µs for
+//! spheres. A fiftieth of the contacts every 1,000 steps takes 0.2 % of the time of settled ellipsoids, less for all
+//! others.
 
 use super::Simulation;
 use crate::comm::{Comm, wire};
@@ -21,26 +23,26 @@ use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// How contacts are audited.
+/// Settings of the audit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Settings {
-    /// Steps between audits; 0: none.
+    /// Steps between audits; 0 for none.
     pub every: u64,
-    /// So many contacts of all ranks at each, in the mean; `None`: [`Settings::ONE_OF`] and [`Settings::MOST`] decide.
+    /// Mean number of contacts over all ranks at each audit; `None` for [`Settings::ONE_OF`] and [`Settings::MOST`].
     pub contacts: Option<u64>,
     /// Seed of the sample.
     pub seed: u64,
 }
 
 impl Settings {
-    /// Steps between audits, if the user does not say.
+    /// Default number of steps between audits.
     pub const EVERY: u64 = 1000;
-    /// One contact of so many is resolved again at each, if the user does not say ...
+    /// By default one of this number of contacts is resolved again ...
     pub const ONE_OF: f64 = 50.0;
-    /// ... but not more than this.
+    /// ... but at most this number.
     pub const MOST: f64 = 1000.0;
 
-    /// What is resolved again, and what it costs, for `--plan`.
+    /// Sample and cost, for `--plan`.
     pub fn words(&self) -> String {
         let Self { every, contacts, seed: _ } = self;
         let sample = contacts.map_or_else(
@@ -52,32 +54,32 @@ impl Settings {
         format!("every {every} steps {sample} resolved again, 0.2 to 60 µs each{cost}")
     }
 
-    /// The part of `touching` contacts that is resolved again.
+    /// Part of `touching` contacts that is resolved again.
     fn sample(&self, touching: f64) -> f64 {
-        // Of very few, the steps take no longer, but the audit would.
+        // A quarter at most: with very few contacts the audit would take longer than the steps.
         let usual = (touching / Self::ONE_OF).max(1.0).min(0.25 * touching).min(Self::MOST);
         self.contacts.map_or(usual, |contacts| contacts as f64) / touching
     }
 }
 
-/// So many errors of each pair of kinds are kept at least, on all ranks together.
+/// Smallest number of errors that is kept for each pair of kinds, over all ranks.
 const KEPT: usize = 4096;
 
-/// So many terms are summed before digits are carried: few of what an [`ExactSum`] holds.
+/// Number of terms after which digits are carried, far below the capacity of an [`ExactSum`].
 const TERMS: u64 = 1 << 20;
 
-/// Which errors.
+/// Indices of errors.
 const OVERLAP: usize = 0;
 const RELATIVE: usize = 1;
 const NORMAL: usize = 2;
 const POINT: usize = 3;
 const FORCE: usize = 4;
 
-/// Errors of one contact: overlap and point over the shortest axis, relative overlap, angle [rad], force [N]. Not a number where
-/// there is none.
+/// Errors of one contact: overlap and point over the shortest axis, relative overlap, angle [rad], force [N]. NaN where
+/// undefined.
 type Errors = [f64; 5];
 
-/// What the audits of a run have found so far, on this rank.
+/// Results of the audits of a run so far, on this rank.
 #[derive(Clone, Debug)]
 pub struct Auditor {
     settings: Settings,
@@ -85,26 +87,26 @@ pub struct Auditor {
     of_kinds: BTreeMap<(Kind, Kind), Found>,
 }
 
-/// What was found of contacts between two kinds.
+/// Results for contacts between two kinds.
 #[derive(Clone, Debug, Default)]
 struct Found {
     contacts: u64,
     spurious: u64,
     unresolved: u64,
-    /// Sum of the sizes of the elastic forces of those that are no error [N].
+    /// Sum of the magnitudes of the true elastic forces [N].
     force: ExactSum,
     largest: Errors,
-    /// Random number and errors of some.
+    /// Random number and errors of some contacts.
     kept: Vec<(u64, Errors)>,
 }
 
 impl Auditor {
-    /// Before the first step.
+    /// Auditor before the first step.
     pub const fn new(settings: Settings) -> Self {
         Self { settings, audits: 0, of_kinds: BTreeMap::new() }
     }
 
-    /// What was found so far; nothing is left.
+    /// Returns the results so far and resets them.
     pub(super) const fn take(&mut self) -> Self {
         std::mem::replace(self, Self::new(self.settings))
     }
@@ -116,7 +118,7 @@ impl Auditor {
 
     /// Resolves a sample again. Contacts must belong to the positions. Collective.
     pub fn look(&mut self, sim: &Simulation, comm: &mut dyn Comm) {
-        // Contacts of unions are put together of those of their pieces.
+        // Contacts of unions consist of those of their pieces.
         let particles = &sim.particles;
         let is_audited =
             |pair: Pair| pair.a.index() < particles.owned && particles.body_of(pair.b) == pair.b;
@@ -127,13 +129,13 @@ impl Auditor {
         if touching[0] == 0 {
             return;
         }
-        // Beyond 1 all are taken.
+        // A sample above 1 saturates and takes all contacts.
         let highest = (self.settings.sample(touching[0] as f64) * 2f64.powi(64)) as u64;
         for (pair, touch) in sim.contacts.touches(particles).filter(|&(pair, _)| is_audited(pair)) {
             let [a, b] = [pair.a, pair.b].map(|slot| sim.particles.id[slot.index()].0);
             let number = mixed(&[self.settings.seed, sim.step, a, b]);
             if number <= highest {
-                // Of those taken, any number is as likely again.
+                // A new random number, because those of the sample are all small.
                 self.resolve(sim, pair, &touch, mixed(&[number]));
             }
         }
@@ -166,7 +168,7 @@ impl Auditor {
                     (force - true_force).abs(),
                 ]
             }
-            // Adhesion holds on across a gap.
+            // Adhesive contacts exist across a gap.
             Outcome::Apart(clearance) if overlap <= 0.0 => {
                 let true_force = elastic(normal, -clearance);
                 found.add_force(true_force.abs());
@@ -185,7 +187,7 @@ impl Auditor {
         found.keep(number, errors);
     }
 
-    /// The figures of all ranks, on rank 0; elsewhere without those by kinds. Collective.
+    /// Figures over all ranks, on rank 0; elsewhere without those by kinds. Collective.
     pub fn figures(&self, sim: &Simulation, comm: &mut dyn Comm) -> Audit {
         let all = Kind::ALL.into_iter().enumerate();
         let pairs = all.flat_map(|(k, a)| Kind::ALL[k..].iter().map(move |&b| (a, b)));
@@ -211,7 +213,7 @@ impl Auditor {
 
 impl Found {
     fn add_force(&mut self, force: f64) {
-        // A state that is not a number is reported when the list of pairs is rebuilt.
+        // A state that is not finite is reported when the list of pairs is rebuilt.
         if force.is_finite() {
             self.force.add(force);
         }
@@ -231,7 +233,7 @@ impl Found {
         }
     }
 
-    /// What all ranks have found, and on rank 0 the errors that are kept; `None` if nothing. Collective.
+    /// Results of all ranks, and on rank 0 the errors that are kept; `None` if there are none. Collective.
     fn of_all_ranks(&self, comm: &mut dyn Comm) -> Option<(Self, Vec<Errors>)> {
         let counts = [self.contacts, self.spurious, self.unresolved].map(|count| count as i64);
         let mut numbers: Vec<i64> = counts.into_iter().chain(*self.force.limbs()).collect();
@@ -243,7 +245,7 @@ impl Found {
         if contacts == 0 {
             return None;
         }
-        // Of very many, each rank sends few: of all together, about 2 KEPT.
+        // With very many contacts each rank sends few, together about 2 `KEPT`.
         let share = 2.0 * KEPT as f64 / (contacts - unresolved).max(1) as f64;
         let highest = if share < 0.5 { (share * 2f64.powi(64)) as u64 } else { u64::MAX };
         let sent: Vec<&(u64, Errors)> =
@@ -286,7 +288,7 @@ impl Found {
     }
 }
 
-/// Of one of the errors of many contacts, over a unit.
+/// Median, percentile and maximum of one of the errors, over a unit.
 fn spread(all: &[Errors], which: usize, largest: f64, unit: f64) -> Spread {
     let mut errors: Vec<f64> = all.iter().map(|errors| errors[which]).collect();
     errors.retain(|error| !error.is_nan());

@@ -1,4 +1,4 @@
-//! Between a running simulation and the tables of a snapshot.
+//! Conversion between a running simulation and the tables of a snapshot.
 
 use super::Simulation;
 use crate::comm::{Comm, Parcel, wire};
@@ -16,7 +16,7 @@ use crate::shape::Kind;
 use nalgebra::Quaternion;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The touching contacts of which this rank owns the first particle.
+/// Touching contacts whose first particle this rank owns.
 struct FirstOwned<'a>(&'a Simulation);
 
 impl FirstOwned<'_> {
@@ -41,7 +41,7 @@ impl Rows<ContactRow> for FirstOwned<'_> {
     }
 }
 
-/// A contact between bodies: of pieces of unions that of their bodies, from that with the lower id.
+/// Row of a contact between bodies: for pieces of unions that of their bodies, from the one with the lower id.
 fn row_of(contact: &Loaded, particles: &Particles) -> ContactRow {
     let Loaded { pair: Pair { a, b }, geometry, normal_force, force, point, .. } = *contact;
     let whole = Pair { a: particles.body_of(a), b: particles.body_of(b) };
@@ -93,7 +93,7 @@ impl ContactRecordRows for FirstOwned<'_> {
 }
 
 impl Simulation {
-    /// What a snapshot of this moment says once; `scene` is the scene's text, `wall_forces` comes from
+    /// Header of a snapshot of this moment. `scene` is the scene's text, `wall_forces` comes from
     /// [`crate::measure::Measures`] [N]. Collective, if there are drives.
     pub fn header(&self, scene: &str, wall_forces: &[Vec3], comm: &mut dyn Comm) -> Header {
         let library = &self.particles.library;
@@ -146,7 +146,7 @@ impl Simulation {
         }
     }
 
-    /// The state of each drive and observer that has one. Collective, if there are any.
+    /// States of all drives and observers that have one. Collective, if there are any.
     fn saved_drives(&self, comm: &mut dyn Comm) -> Vec<SavedState> {
         let walls = &self.particles.walls;
         let saved = self.all_observers().map(|observer| SavedState {
@@ -156,7 +156,8 @@ impl Simulation {
         saved.filter(|saved| !saved.columns.is_empty()).collect()
     }
 
-    /// Each drive and observer goes on from what the one of its name has saved. One of which nothing was saved stays as it is.
+    /// Restores each drive and observer from the saved state of its name. One without a saved state stays
+    /// unchanged in a new stage, and may refuse within a stage.
     ///
     /// # Errors
     /// If a drive cannot go on from it.
@@ -181,7 +182,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// The owned particles.
+    /// Owned particles.
     pub fn particle_table(&self, rank: Rank) -> ParticleTable {
         let particles = &self.particles;
         let owned = 0..particles.owned;
@@ -228,19 +229,19 @@ impl Simulation {
         table
     }
 
-    /// The contacts of which this rank owns the first particle.
+    /// Contacts whose first particle this rank owns.
     pub fn contact_table(&self) -> ContactTable {
         let mut table = ContactTable::default();
         self.contact_rows().each(&mut |row| table.push(row));
         table
     }
 
-    /// The rows of [`Simulation::contact_table`].
+    /// Rows of [`Simulation::contact_table`].
     pub const fn contact_rows(&self) -> impl Rows<ContactRow> {
         FirstOwned(self)
     }
 
-    /// The records of the touching contacts of which this rank owns the first particle.
+    /// Records of the touching contacts whose first particle this rank owns.
     pub fn contact_records(&self) -> ContactRecords {
         let rows = self.contact_record_rows();
         let mut records = ContactRecords::of(rows.columns());
@@ -248,14 +249,13 @@ impl Simulation {
         records
     }
 
-    /// The rows of [`Simulation::contact_records`].
+    /// Rows of [`Simulation::contact_records`].
     pub const fn contact_record_rows(&self) -> impl ContactRecordRows {
         FirstOwned(self)
     }
 
-    /// Takes up a state from a snapshot: on each rank any part of its particles and records, which
-    /// go to their owners. Forces come from the snapshot, so the next step continues as if nothing
-    /// had happened. Collective.
+    /// Restores a state from a snapshot: on each rank any part of its particles and records, which go to their owners.
+    /// Forces come from the snapshot, so the next step continues without a difference. Collective.
     pub fn take_up(
         &mut self,
         particles: &[Particle],
@@ -277,8 +277,8 @@ impl Simulation {
     }
 }
 
-/// Sends each record to the owners of both its particles, through a directory that is spread over
-/// all ranks by id: no rank holds more than its share. Collective.
+/// Sends each record to the owners of both its particles, through a directory that is distributed over all ranks by id: no
+/// rank holds more than its share. Collective.
 fn records_to_owners(
     owned: &[GlobalId],
     records: &ContactRecords,
@@ -298,7 +298,7 @@ fn records_to_owners(
         }
     }
 
-    // Whose directory, and about whom it is asked in each row.
+    // By rank of the directory: ids and rows to ask for.
     let none = || (Vec::new(), ContactRecords::of(records.columns()));
     let mut asked: BTreeMap<Rank, (Vec<GlobalId>, ContactRecords)> = BTreeMap::new();
     for named in records.iter() {
@@ -335,7 +335,7 @@ fn to_parcels<T: serde::Serialize>(by_rank: BTreeMap<Rank, T>) -> Vec<Parcel> {
         .collect()
 }
 
-/// The particles of a table; `shape_of` translates the snapshot's shapes into the scene's.
+/// Particles of a table; `shape_of` translates the snapshot's shapes into the scene's.
 pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId) -> Vec<Particle> {
     let vector = |column: &[Vec3], row: usize| column.get(row).copied().unwrap_or_default();
     (0..table.id.len())
@@ -350,7 +350,7 @@ pub fn particles_of(table: &ParticleTable, shape_of: impl Fn(ShapeId) -> ShapeId
             accumulated: table.accumulated.row(row),
             standing: table.standing.get(row).copied().unwrap_or(Standing::LAST),
             image: table.image.get(row).copied().unwrap_or_default(),
-            // The bits as they were, not normalised again.
+            // Exact bits, not normalised again.
             quaternion: table.quaternion.get(row).map_or_else(Quat::identity, |&[w, x, y, z]| {
                 Quat::new_unchecked(Quaternion::new(w, x, y, z))
             }),

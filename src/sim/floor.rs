@@ -1,11 +1,11 @@
-//! A floor under a step: the arithmetic and the bytes that its formulas need at least, by phase. What a run takes beyond
-//! it is the price of how it is done.
+//! Lower bound of a step by phase: the arithmetic and the bytes that its formulas need. The difference to the run's time is
+//! the cost of the implementation.
 //!
 //! An addition, subtraction, multiplication, division, root or comparison of `f64` is one operation. A phase reads and
-//! writes each number that it needs once, as if all that it uses again stayed in registers. Left out is what not every
-//! scene has (gravity, damping, images across periods, scales) and what no force needs: the order of sums, energies by
-//! channel, the record of each contact's force. All of that counts as distance to the floor, and so does looking up the
-//! bodies of a pair: no list is in an order in which they are neighbours in memory.
+//! writes each number that it needs once, as if all reused numbers stayed in registers. Not counted are features that not
+//! every scene has (gravity, damping, images across periods, scales), and work that no force needs: the order of sums,
+//! energies by channel, the record of each contact's force. Access to the bodies of a pair is not counted either: no order
+//! of the list makes all of them neighbours in memory.
 //!
 //! | phase | for each | operations | bytes |
 //! |---|---|---|---|
@@ -27,9 +27,9 @@
 //! | | with a spring (three numbers remembered) | sliding 6, spring into the new plane 11, stretched 6, its force 3, against Coulomb's limit 8, added 3 | what is remembered, read and written |
 //! | | of bodies that turn | | point 24 |
 //!
-//! A power is a logarithm and an exponential. Each has a polynomial of degree 5 at least, if tables are small (as in
-//! fdlibm, <https://www.netlib.org/fdlibm/>), and the argument brought into its range: 15. A contact with a plane counts
-//! as one of two particles.
+//! A power is a logarithm and an exponential. Each needs a polynomial of degree 5 at least with small tables (as in fdlibm,
+//! <https://www.netlib.org/fdlibm/>), and the reduction of the argument: 15. A contact with a plane counts like one of two
+//! particles.
 
 use super::Simulation;
 use crate::contact::StateColumn;
@@ -38,7 +38,7 @@ use crate::shape::{Kind, Shape};
 use crate::timing::Phase;
 use std::ops::{Add, Mul};
 
-/// Arithmetic and memory.
+/// Arithmetic and memory traffic.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Needed {
     /// Operations on `f64`.
@@ -67,14 +67,14 @@ impl Mul<f64> for Needed {
     }
 }
 
-/// What a phase needs in each step.
+/// Lower bound of a phase in each step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Floor {
-    /// For each owned particle.
+    /// Per owned particle.
     pub particle: Needed,
-    /// For each pair on the neighbour list.
+    /// Per pair on the neighbour list.
     pub listed: Needed,
-    /// For each touching contact.
+    /// Per touching contact.
     pub contact: Needed,
 }
 
@@ -82,9 +82,9 @@ impl Floor {
     /// Phases that have a floor.
     pub const PHASES: [Phase; 3] = [Phase::Move, Phase::Contacts, Phase::Forces];
 
-    /// Of a phase. `kind` is that of all particles, if it is one; `width` how many numbers the law remembers of a contact.
-    /// `None` where no floor is known: other phases, mixtures, forces of scenes with faces or by curvature, and bodies whose methods take as many
-    /// steps as they take.
+    /// Floor of a phase. `kind` is the kind of all particles, if there is only one; `width` is the number of state values
+    /// per contact. `None` where no floor is known: other phases, mixtures, forces with faces or curvature, and bodies
+    /// whose methods iterate.
     pub fn of(phase: Phase, needs: Needs, kind: Option<Kind>, width: usize) -> Option<Self> {
         match phase {
             Phase::Move => Some(Self { particle: motion(needs), ..Self::default() }),
@@ -147,14 +147,14 @@ impl Floor {
         Self { particle: Needed::new(0.0, 24.0 * columns), contact, ..Self::default() }
     }
 
-    /// For so many of each.
+    /// Sum for these numbers of particles, listed pairs and contacts.
     pub fn total(&self, particles: f64, listed: f64, contacts: f64) -> Needed {
         self.particle * particles + self.listed * listed + self.contact * contacts
     }
 }
 
 impl Simulation {
-    /// What a phase of its step needs at least, if that is known.
+    /// Lower bound of a phase of its step, if it is known.
     pub fn floor(&self, phase: Phase) -> Option<Floor> {
         let library = &self.particles.library;
         let mut kinds = library.shapes[..library.particle_shapes].iter().map(Shape::kind);

@@ -1,4 +1,4 @@
-//! What the history of a run has at a moment.
+//! Columns and numbers of the history at a moment.
 
 use super::Simulation;
 use crate::cell::AXES;
@@ -7,7 +7,7 @@ use crate::math::Vec3;
 use crate::measure::Measures;
 use crate::output::table::{Columns, Row};
 
-/// The columns that only some scenes have, with their numbers: forces on groups, and what drives have counted.
+/// Columns that only some scenes have, with their numbers: forces on groups, and counts of drives.
 pub(super) fn own_columns(sim: &Simulation, measures: &Measures) -> Vec<(String, f64)> {
     let of_groups = sim.particles.groups.iter().enumerate().flat_map(|(k, group)| {
         let three = |what: &str, all: &[Vec3], unit: &str| {
@@ -24,19 +24,19 @@ pub(super) fn own_columns(sim: &Simulation, measures: &Measures) -> Vec<(String,
     of_groups.chain(counted(sim)).collect()
 }
 
-/// What drives have counted: columns of the history and numbers.
+/// Counts of drives: columns of the history and numbers.
 pub(super) fn counted(sim: &Simulation) -> impl Iterator<Item = (String, f64)> {
     sim.all_observers().flat_map(Reporter::counted)
 }
 
-/// The names of all columns.
+/// Names of all columns.
 pub(super) fn names(sim: &Simulation) -> Vec<String> {
     let own = own_columns(sim, &Measures::default()).into_iter().map(|(name, _)| name);
     let (walls, cell) = (&sim.particles.walls, sim.particles.cell);
     Columns::of(walls, cell).names(walls, &own.collect::<Vec<_>>())
 }
 
-/// Their numbers now, with the forces of this moment on all walls.
+/// Present numbers of all columns, with the present forces on all walls.
 pub(super) fn numbers(sim: &Simulation, measures: &Measures) -> Vec<String> {
     let own: Vec<f64> = own_columns(sim, measures).into_iter().map(|(_, number)| number).collect();
     let (walls, forces) = (&*sim.particles.walls, &*measures.wall_forces);

@@ -1,4 +1,4 @@
-//! Particles that leave the domain or reach an outlet: drives may take them.
+//! Particles that leave the domain or reach an outlet, for drives to take.
 
 use super::Simulation;
 use crate::comm::{Comm, everywhere};
@@ -22,8 +22,8 @@ impl Simulation {
         self.drives.iter().any(|drive| drive.takes(&moment) != Takes::Nothing)
     }
 
-    /// Slots of the owned particles that have left the domain, or that have reached an outlet and are not held. Not a matter of when the pairs
-    /// were listed.
+    /// Slots of the owned particles that have left the domain, or that have reached an outlet and are not held. They do not
+    /// depend on when the pairs were listed.
     fn leavers(&self) -> impl Iterator<Item = usize> {
         let Self { particles, drives, .. } = self;
         let moment = self.moment();
@@ -39,21 +39,22 @@ impl Simulation {
         self.domain.leavers(particles).chain(inside)
     }
 
-    /// Offers particles that have left the domain to the drives, and books out what they take. Returns the ids of those
-    /// particles, the same on all ranks. `dt` [s] is 0 at the start of a stage. Collective, if a drive may take any.
+    /// Offers particles that have left the domain or reached an outlet to the drives, and records the energies of those
+    /// taken. Returns their ids, the same on all ranks. `dt` [s] is 0 at the start of a stage. Collective, if a drive may
+    /// take any.
     pub(super) fn take_leavers(&mut self, dt: f64, comm: &mut dyn Comm) -> BTreeSet<GlobalId> {
         let mut taken = BTreeSet::new();
         if !self.is_open() || !comm.any(self.has_leaver()) {
             return taken;
         }
-        // One may be both outside and where it leaves.
+        // A particle may be both outside and in an outlet.
         let slots: BTreeSet<usize> = self.leavers().collect();
         let moment = self.moment();
         let Self { particles, drives, field, .. } = self;
         let here = slots.into_iter().map(|slot| {
             let leaver = particles.owned_particle(slot);
             let shape = particles.library.free(leaver.shape);
-            // As it is booked out: nothing touches it any more.
+            // The state at removal, without contacts in the last half of the step.
             Particle { shape, velocity: field.after_last_kick(&leaver.velocity, dt), ..leaver }
         });
         let mut leavers = everywhere(comm, &here.collect::<Vec<_>>());
@@ -67,12 +68,12 @@ impl Simulation {
         taken
     }
 
-    /// Books what these particles take away and leave behind. They end their step as if nothing touched them any more. What
-    /// their contacts have stored goes with them; what such a contact gave to its other body in this step is not booked.
-    /// `dt` [s] is 0 at the start of a stage. Collective.
+    /// Records the energies of these particles. They end their step as if nothing touched them any more. The energy stored
+    /// in their contacts leaves with them. The work of such a contact on its other body in this step is not recorded. `dt`
+    /// [s] is 0 at the start of a stage. Collective.
     fn book_out(&mut self, taken: &BTreeSet<GlobalId>, dt: f64, comm: &mut dyn Comm) {
         let Self { particles, contacts, law, field, departed, .. } = self;
-        // By bodies, received, dissipated and its parts.
+        // By bodies: received, dissipated and its parts.
         let mut entries: Vec<(GlobalId, GlobalId, f64, f64, [f64; Quantity::CHANNELS.len()])> =
             Vec::new();
         for slot in 0..particles.owned {
@@ -91,7 +92,7 @@ impl Simulation {
                 entries.push((id, id, received - energy, dissipated, channels));
             }
         }
-        // At the start of a stage nobody has counted yet what contacts store.
+        // At the start of a stage the energy stored in contacts has not been counted yet.
         for (pair, contact) in contacts.named(particles).filter(|_| dt > 0.0) {
             let is_here = particles.is_owned(pair.a);
             if is_here && [contact.a, contact.b].iter().any(|id| taken.contains(&id.body())) {

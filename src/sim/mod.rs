@@ -1,4 +1,4 @@
-//! The simulation: everything a rank holds, and the step.
+//! The simulation: all data of a rank, and the step.
 
 pub mod audit;
 pub mod capture;
@@ -35,7 +35,7 @@ use audit::Auditor;
 use std::collections::BTreeSet;
 use watch::{Fault, Watch};
 
-/// Everything that a rank holds. Made by `scene::assemble`.
+/// All data of a rank. Made by `scene::assemble`.
 ///
 /// Sixty-four balls fall freely for a hundredth of a second:
 ///
@@ -63,27 +63,27 @@ pub struct Simulation {
     pub particles: Particles,
     /// Pairs that may touch.
     pub pairs: PairList,
-    /// Those that do.
+    /// Pairs that touch.
     pub contacts: Contacts,
-    /// What they do to the particles, while it is summed.
+    /// Sums of forces and losses of the particles, while they are found.
     pub sums: Sums,
-    /// Who owns what.
+    /// Subdomains and owners of particles.
     pub domain: Domain,
-    /// Which method resolves which pairs.
+    /// Contact method for each pair of kinds.
     pub resolvers: Table,
-    /// From geometry to force.
+    /// Force law.
     pub law: Box<dyn ForceLaw>,
     /// Gravity and global damping.
     pub field: Field,
-    /// What acts from outside, in the order in which it acts.
+    /// Drives, in the order in which they act.
     pub drives: Vec<Box<dyn Drive>>,
-    /// What looks on and acts on nothing.
+    /// Observers that are not drives.
     pub observers: Vec<Box<dyn Observer>>,
-    /// Whether steps go too far.
+    /// Detects steps with too large motions or overlaps.
     pub watch: Watch,
-    /// What the resolvers say of a few pairs, and how many pairs each resolver of a chain resolved.
+    /// Results of the resolvers for a few pairs, and the number of pairs resolved by each resolver of a chain.
     pub found: Found,
-    /// Which pairs they are to look at.
+    /// Numbers of the pairs to resolve.
     pub active: Vec<u32>,
     /// Time step [s].
     pub dt: f64,
@@ -91,47 +91,47 @@ pub struct Simulation {
     pub step: u64,
     /// Step and time [s] at which this stage began.
     pub stage_begin: (u64, f64),
-    /// By how much steps of another length before make this stage longer than its steps are now [s].
+    /// Time offset from earlier parts of the stage that used another time step [s].
     pub stage_shift: f64,
-    /// The id of the next new particle.
+    /// Id of the next new particle.
     pub next_id: u64,
-    /// What particles that were taken out have left behind in the balance of energies; the same on all ranks.
+    /// Energies of particles that were taken out; the same on all ranks.
     pub departed: Departed,
-    /// The largest kinetic and elastic energy together that was measured on schedule in this stage [J].
+    /// Largest sum of kinetic and elastic energy measured on schedule in this stage [J].
     pub most_moving: f64,
-    /// A pair is listed when its bounding spheres come this close [m].
+    /// Distance between bounding spheres within which a pair is listed [m].
     pub skin: f64,
-    /// So far beyond their surfaces bodies can hold on to each other [m]: pairs are listed from so much farther away.
+    /// Largest gap of a contact [m]; pairs are listed over this additional distance.
     pub reach: f64,
-    /// Cut again when the busiest rank has this many times the mean work.
+    /// Work of the busiest rank over the mean, above which the domain is cut again.
     pub imbalance: f64,
-    /// Steps after which the order of space is renewed.
+    /// Steps after which the spatial order is renewed.
     pub order_every: u64,
     /// Neighbour lists rebuilt since the last repartition.
     pub lists_since_cut: u32,
-    /// What was found of contacts that were resolved again.
+    /// Results of the audit of contacts.
     pub audit: Auditor,
-    /// Where the time went.
+    /// Time by phase.
     pub clock: Clock,
 }
 
-/// A step could not be done. Says where, and what to try.
+/// Reason why a step could not be done, with place and advice.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum StepError {
-    /// A particle is where it cannot be. Known on all ranks.
+    /// A particle is at an invalid position. Known on all ranks.
     #[error("step {step}: {error}")]
     Domain {
         /// Steps done.
         step: u64,
-        /// Which particle, and why.
+        /// Particle and reason.
         error: DomainError,
     },
-    /// A step went too far. Known on all ranks.
+    /// A motion or overlap of a step was too large. Known on all ranks.
     #[error("step {step}: {fault}")]
     Fault {
         /// Steps done.
         step: u64,
-        /// Whose, and how far.
+        /// Body and size of the motion or overlap.
         fault: Fault,
     },
     /// A drive cannot go on. Known on all ranks.
@@ -139,7 +139,7 @@ pub enum StepError {
     Drive {
         /// Steps done.
         step: u64,
-        /// Which, and why.
+        /// Drive and reason.
         error: DriveError,
     },
     /// A pair that no contact method could resolve. Known on one rank only.
@@ -152,17 +152,17 @@ pub enum StepError {
         step: u64,
         /// The lower id.
         a: GlobalId,
-        /// The other particle, or the wall.
+        /// Other particle, or wall.
         b: String,
-        /// Where A is [m].
+        /// Position of A along x [m].
         x: f64,
-        /// Where A is [m].
+        /// Position of A along y [m].
         y: f64,
-        /// Where A is [m].
+        /// Position of A along z [m].
         z: f64,
         /// Distance of the centres [m].
         distance: f64,
-        /// Why the last method failed.
+        /// Reason why the last method failed.
         why: Why,
     },
 }
@@ -174,36 +174,34 @@ impl StepError {
     }
 }
 
-/// What a first look at all pairs finds.
+/// Results of the first resolution of all pairs.
 #[derive(Default)]
 struct FirstLook {
-    /// Touches that were not there at the end of the stage before.
+    /// Touches that did not exist at the end of the previous stage.
     new: Vec<(Pair, Touch)>,
     /// Pairs that no method can resolve.
     unresolved: Vec<(Pair, Why)>,
 }
 
-/// The steps of `dt` that last so long, at least; both in s.
+/// Number of steps of `dt` that last at least `duration`; both in s.
 pub(crate) fn steps_of(duration: f64, dt: f64) -> u64 {
-    // A whole number of steps may come out a little above.
+    // Rounding may put a whole number slightly above it.
     (duration / dt * (1.0 - 1e-12)).ceil() as u64
 }
 
-/// Columns of more bodies than these do not stay in a cache from step to step: memory is asked for them ahead of their use.
+/// Largest number of bodies whose columns stay in a cache from step to step. For more, memory is prefetched.
 const MOST_CACHED: usize = 1 << 16;
 
-/// How many neighbour lists are rebuilt before the next repartition.
+/// Rebuilt neighbour lists before the next repartition.
 const LISTS_BETWEEN_CUTS: u32 = 5;
 
 impl Simulation {
-    /// Advances by a step of `dt`: kick, drift, kick.
-    /// Before: forces and velocities belong to the current positions. After: the same, one step later.
+    /// Advances by a step of `dt`: kick, drift, kick. Before and after, forces and velocities belong to the positions.
     ///
     /// # Errors
-    /// What went wrong. Unless [`StepError::is_agreed`], the other ranks do not know yet, so the caller
-    /// must abort them.
+    /// The reason. Unless [`StepError::is_agreed`], the other ranks do not know it yet, so the caller must abort them.
     pub fn step(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
-        // move, and sum what drives ask for meanwhile
+        // Moves bodies while the sums of drives are added up.
         self.clock.restart();
         let asked = self.start_sums(comm);
         self.particles.move_cell(self.dt);
@@ -221,7 +219,7 @@ impl Simulation {
         self.step += 1;
         self.clock.lap(Phase::Move);
 
-        // find contacts and their forces
+        // Finds contacts and their forces.
         let newcomers = self.newcomers(comm);
         if newcomers.is_empty() {
             self.exchange(comm)?;
@@ -246,7 +244,7 @@ impl Simulation {
         self.act_after(self.dt, act);
     }
 
-    /// Lets drives act on forces that were found a time `dt` [s] after those before: 0 at the start of a stage.
+    /// Lets drives act on forces found a time `dt` [s] after the previous ones: 0 at the start of a stage.
     fn act_after(&mut self, dt: f64, mut act: impl FnMut(&mut dyn Drive, Acting)) {
         if !self.particles.needs.group {
             return;
@@ -258,7 +256,7 @@ impl Simulation {
         }
     }
 
-    /// Is the cell wide enough, where a flow carries it?
+    /// Is a strained cell wide enough?
     fn check_cell(&self) -> Result<(), StepError> {
         let (cell, least) = (&self.particles.cell, 2.0 * self.domain.halo());
         let Some(strained) = cell.strained() else { return Ok(()) };
@@ -272,7 +270,7 @@ impl Simulation {
         Err(StepError::Drive { step: self.step, error })
     }
 
-    /// Begins to add up what drives ask for; returns how many numbers each has asked for. Collective, if any has.
+    /// Starts the sums that drives ask for; returns the number of values of each drive. Collective, if there are any.
     fn start_sums(&self, comm: &mut dyn Comm) -> Vec<usize> {
         let moment = self.moment();
         let Self { drives, particles, contacts, law, sums, .. } = self;
@@ -288,7 +286,7 @@ impl Simulation {
         asked
     }
 
-    /// Lets drives give walls their velocities, each with the sums that it has `asked` for. Collective, if any has.
+    /// Lets drives set the velocities of walls, each with the sums that it has `asked` for. Collective, if there are any.
     fn steer_walls(&mut self, asked: &[usize], comm: &mut dyn Comm) -> Result<(), StepError> {
         let moment = self.moment();
         let all = if asked.iter().any(|&count| count > 0) { comm.finish_sum() } else { Vec::new() };
@@ -303,7 +301,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Shows forces that were just found, `dt` [s] after those before, to all that looks on.
+    /// Passes forces found `dt` [s] after the previous ones to all observers.
     fn show_forces(&mut self, dt: f64) {
         let moment = Moment { dt, ..self.moment() };
         let Self { drives, observers, particles, contacts, law, sums, .. } = self;
@@ -311,12 +309,12 @@ impl Simulation {
         all_observers(drives, observers).for_each(|observer| observer.after_forces(&view));
     }
 
-    /// Brings the ghosts up to date, and asks all ranks whether the list is good for these positions. If not, a new one is
-    /// made. Collective.
+    /// Updates the ghosts, and checks on all ranks whether the list holds for these positions; if not, makes a new one.
+    /// Collective.
     fn exchange(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         self.domain.start_halo(&self.particles, comm);
         self.clock.lap(Phase::Exchange);
-        // While ghosts are on their way.
+        // Overlaps with the transfer of ghosts.
         comm.start_vote(self.list_is_stale() || self.watch.has_fault() || self.has_leaver());
         self.clock.lap(Phase::Agree);
         self.domain.finish_halo(&mut self.particles, comm);
@@ -330,13 +328,13 @@ impl Simulation {
     /// Lists pairs and finds the forces at the start of a stage. Collective.
     ///
     /// # Errors
-    /// As [`Simulation::step`].
+    /// See [`Simulation::step`].
     pub fn begin(&mut self, comm: &mut dyn Comm) -> Result<(), StepError> {
         self.list_first(comm)?;
         self.find_first_forces()
     }
 
-    /// The first half of [`Simulation::begin`]. Collective.
+    /// First half of [`Simulation::begin`]. Collective.
     ///
     /// # Panics
     /// If two drives or observers have one name: their saved states could not be distinguished.
@@ -347,13 +345,13 @@ impl Simulation {
         }
         self.lists_since_cut = LISTS_BETWEEN_CUTS;
         self.watch.note_ahead(&self.particles, self.dt);
-        // No time has passed: nothing is within a step.
+        // No time has passed, so nothing happens within a step.
         self.list_pairs(&[], 0.0, comm)
     }
 
-    /// The second half of [`Simulation::begin`].
+    /// Second half of [`Simulation::begin`].
     fn find_first_forces(&mut self) -> Result<(), StepError> {
-        // No time has passed: springs do not stretch.
+        // No time has passed, so springs do not stretch.
         self.find_forces(0.0)?;
         self.show_forces(0.0);
         self.act_after(0.0, |drive, acting| drive.push(acting));
@@ -362,8 +360,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Rebuilds subdomains, ghosts and pairs, without what drives take out, and with those of `newcomers` whose places this
-    /// rank then owns. `dt` [s] is 0 at the start of a stage. Collective.
+    /// Rebuilds subdomains, ghosts and pairs, after removing particles that drives take out. Adds the `newcomers` whose
+    /// places this rank then owns. `dt` [s] is 0 at the start of a stage. Collective.
     fn list_pairs(
         &mut self,
         newcomers: &[Newcomers],
@@ -398,14 +396,14 @@ impl Simulation {
         Ok(())
     }
 
-    /// A fault that any rank has seen, or sees now. Collective.
+    /// A fault that any rank has recorded or finds now, as an error. Collective.
     pub(crate) fn agree_on_fault(&self, comm: &mut dyn Comm) -> Result<(), StepError> {
         let checked = self.watch.check(&self.particles, &self.contacts);
         agree(comm, checked).map_err(|fault| StepError::Fault { step: self.step, fault })
     }
 
-    /// Makes ghosts and pairs for particles that are all with their owners; `carried` are the records
-    /// of their touching contacts. Collective.
+    /// Makes ghosts and pairs for particles that are all with their owners; `carried` are the records of their touching
+    /// contacts. Collective.
     pub fn relist(&mut self, carried: &ContactRecords, comm: &mut dyn Comm) {
         self.particles.complete_order();
         self.particles.sort_owned();
@@ -427,13 +425,13 @@ impl Simulation {
         self.domain.traffic.rebuilds += 1;
     }
 
-    /// All that looks on: drives, and after them observers that act on nothing.
+    /// All observers: drives first, then those that are not drives.
     pub fn all_observers(&self) -> impl Iterator<Item = &dyn Observer> {
         let of_drives = self.drives.iter().map(|drive| -> &dyn Observer { &**drive });
         of_drives.chain(self.observers.iter().map(|observer| &**observer))
     }
 
-    /// The same, to be asked for what they hand out.
+    /// All observers, mutable.
     pub fn all_observers_mut(&mut self) -> impl Iterator<Item = &mut dyn Observer> {
         all_observers(&mut self.drives, &mut self.observers)
     }
@@ -448,14 +446,14 @@ impl Simulation {
         (self.step - self.stage_begin.0) as f64 * self.dt + self.stage_shift
     }
 
-    /// Where the simulation stands.
+    /// Present step and time.
     fn moment(&self) -> Moment {
         let (step, stage_step) = (self.step, self.step - self.stage_begin.0);
         let (time, stage_time) = (self.time(), self.stage_time());
         Moment { step, stage_step, time, stage_time, dt: self.dt }
     }
 
-    /// The scalars of this moment. Collective.
+    /// Scalar measures at this moment. Collective.
     pub fn measure(&self, comm: &mut dyn Comm) -> Measures {
         let Self { particles, contacts, law, field, dt, departed, sums, .. } = self;
         let moments = sums.moments_at_walls();
@@ -468,7 +466,7 @@ impl Simulation {
         measures
     }
 
-    /// Resolves a sample of the contacts again, if it is time. Collective at steps on which all ranks agree.
+    /// Resolves a sample of the contacts again, if an audit is due. Collective at steps on which all ranks agree.
     pub fn audit(&mut self, comm: &mut dyn Comm) {
         if self.audit.is_due(self.step) {
             let mut audit = self.audit.take();
@@ -490,8 +488,7 @@ impl Simulation {
         newcomers
     }
 
-    /// Adds a particle that this rank shall own, with the energy that it brings. Ghosts and walls must
-    /// be stripped.
+    /// Adds a particle that this rank shall own, with its energy. Ghosts and walls must be stripped.
     pub fn insert(&mut self, particle: &Particle) {
         self.particles.push_owned(particle);
         let slot = self.particles.owned - 1;
@@ -499,7 +496,7 @@ impl Simulation {
             measure::free_energy(&self.particles, slot, &self.field);
     }
 
-    /// The same of a particle that appears, and touches nothing, after the first kick of a step.
+    /// Adds a particle that appears after the first kick of a step and touches nothing.
     fn insert_within_step(&mut self, particle: &Particle) {
         let velocity = self.field.before_last_kick(&particle.velocity, self.dt);
         self.insert(&Particle { velocity, ..particle.clone() });
@@ -509,22 +506,22 @@ impl Simulation {
             motion::last_work(particles, slot, field, *dt);
     }
 
-    /// Is the order of space renewed at this step? The same on all ranks, and in all runs of a scene.
+    /// Is the spatial order renewed at this step? The same on all ranks, and in all runs of a scene.
     const fn has_to_order(&self) -> bool {
         self.step.is_multiple_of(self.order_every)
     }
 
-    /// Has anybody here moved so far that an unlisted pair might touch?
+    /// Has any body on this rank moved so far that an unlisted pair might touch?
     fn list_is_stale(&self) -> bool {
         if search::all_within(&self.particles, 0.5 * self.skin) {
             return false;
         }
-        // Written so that a position that is not a number makes the list stale, and is found.
+        // Written so that a NaN position makes the list stale, and is found.
         let still_good = search::moved_squared(&self.particles) <= 0.25 * self.skin * self.skin;
         !still_good
     }
 
-    /// Cuts again if one rank has too much to do. Collective.
+    /// Cuts the domain again if one rank has too much work. Collective.
     fn recut_if_unbalanced(&mut self, comm: &mut dyn Comm) {
         self.lists_since_cut += 1;
         if self.lists_since_cut < LISTS_BETWEEN_CUTS {
@@ -537,12 +534,12 @@ impl Simulation {
         }
     }
 
-    /// The work of each owned particle: itself and its pairs.
+    /// Work of each owned particle: itself and its pairs.
     fn work(&self) -> Vec<i64> {
         self.pairs.listed_for_each(&self.particles).iter().map(|listed| 1 + listed).collect()
     }
 
-    /// The work of the busiest rank over the mean of all; 1 without particles. Collective.
+    /// Work of the busiest rank over the mean of all; 1 without particles. Collective.
     pub fn work_imbalance(&self, comm: &mut dyn Comm) -> f64 {
         let mine: i64 = self.work().iter().sum();
         let mut total = [mine];
@@ -576,7 +573,7 @@ impl Simulation {
         found
     }
 
-    /// Finds the contacts of a stretch, by one virtual call per kind of pair, and puts them in order.
+    /// Finds the contacts of a stretch, with one virtual call per kind of pair, and puts them in order.
     fn find_contacts(&mut self, stretch: usize) {
         let Self { pairs, contacts, particles, resolvers, law, found, active, .. } = self;
         found.clear();
@@ -588,7 +585,7 @@ impl Simulation {
             let active = pairs.active(listed, group, particles, active);
             let mut failed = std::mem::take(&mut found.failed);
             resolver.resolve(&contacts.batch(stretch, in_stretch, active, particles), found);
-            // The next group's methods are not to try them.
+            // Kept apart, so that the methods of the next group do not try them.
             found.failed.append(&mut failed);
             found.tally.pairs += active.len() as u64;
         }
@@ -601,7 +598,7 @@ impl Simulation {
         pairs.rest(stretch, &found.apart, particles);
     }
 
-    /// What the first look at all pairs finds, before any force.
+    /// First resolution of all pairs, before any force.
     fn look_first(&mut self) -> FirstLook {
         let mut first = FirstLook::default();
         let tally = self.found.tally;
@@ -612,7 +609,7 @@ impl Simulation {
             let pair = |k: u32| self.pairs.pairs[start + k as usize];
             first.unresolved.extend(self.found.failed.iter().map(|&(k, why)| (pair(k), why)));
         }
-        // They will be looked at again.
+        // These pairs are resolved again later, so they do not count.
         self.found.tally = tally;
         first
     }
@@ -634,13 +631,14 @@ impl Simulation {
     /// Counts the energy that all owned particles bring into a stage, contacts left out, as received.
     pub fn count_free_energy(&mut self) {
         for slot in 0..self.particles.owned {
-            // What changed when they came back through periods is in it.
+            // It includes the changes from their return through periodic borders.
             self.particles.accumulated[Quantity::Received][slot] =
                 measure::free_energy(&self.particles, slot, &self.field);
         }
     }
 
-    /// Counts as received what energies of height and of the steps are more than with the step [s] and the gravity [m/s²] of before.
+    /// Counts as received the change of potential and step energies from the previous step [s] and gravity [m/s²] to the
+    /// present ones.
     pub fn change_step_or_gravity(&mut self, step: f64, gravity: Vec3) {
         let Self { particles, field, dt, .. } = self;
         let before = Field { gravity, ..*field };
@@ -653,7 +651,7 @@ impl Simulation {
         }
     }
 
-    /// Goes on with another step [s], with the same place, velocities and time.
+    /// Continues with another step [s] and the same positions, velocities and time.
     pub(crate) fn change_step(&mut self, dt: f64) {
         let before = std::mem::replace(&mut self.dt, dt);
         self.stage_shift += (self.step - self.stage_begin.0) as f64 * (before - dt);
@@ -661,13 +659,13 @@ impl Simulation {
             wall.change_step(self.step, before);
         }
         self.change_step_or_gravity(before, self.field.gravity);
-        // That of the half step ahead is counted already.
+        // The work for the half step ahead with the previous step is counted already.
         self.count_work_of_images(0.0, 0.5 * (dt - before));
     }
 
-    /// Counts as received what images that slide, or a flow, give through the contacts, half by each body: in a time of the step
-    /// before and in one of the step to come [s]. Forces act in the halves of both steps: the latter is counted ahead, and
-    /// [`measure::measure`] leaves it out.
+    /// Counts as received the work of sliding images, or of a flow, through the contacts, half on each body. Both times are
+    /// in s: `before` in the previous step, `ahead` in the next one. Forces act in the halves of both steps. The latter is
+    /// counted ahead, and [`measure::measure`] leaves it out.
     fn count_work_of_images(&mut self, before: f64, ahead: f64) {
         if !self.particles.cell.moves_now() {
             return;
@@ -682,14 +680,13 @@ impl Simulation {
                 given.extend(bodies.map(|slot| (slot, share)));
             }
         }
-        // Each body meets its partners in the order of space.
+        // Terms of a body come in the spatial order of its partners.
         for (slot, energy) in given.into_iter().filter(|(slot, _)| *slot < particles.owned) {
             particles.accumulated[Quantity::Received][slot] += energy;
         }
     }
 
-    /// Contacts that are there at the start hold energy which nobody put in: count it as received, each
-    /// particle's in the order of its partners' ids.
+    /// Counts as received the energy of the contacts at the start, for each particle in the order of its partners' ids.
     fn count_initial_energy(&mut self) {
         let particles = &mut self.particles;
         let mut brought: Vec<(usize, GlobalId, f64)> = Vec::new();

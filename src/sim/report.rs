@@ -1,4 +1,4 @@
-//! The figures of the report at the end of a run.
+//! Figures of the report at the end of a run.
 
 use super::Simulation;
 use super::floor::{Floor, Needed};
@@ -22,7 +22,7 @@ use crate::particles::held;
 use crate::timing::Phase;
 use std::f64::consts::TAU;
 
-/// The report of a finished run. Complete on rank 0: the others lack what is gathered there. Collective.
+/// Report of a finished run. Complete on rank 0: the others lack gathered data. Collective.
 pub fn report(sim: &Simulation, finish: &Finish, origin: &Origin, comm: &mut dyn Comm) -> Report {
     let (tally, traffic) = totals(sim, comm);
     let last_warnings = last_warnings(sim, finish);
@@ -54,16 +54,16 @@ pub fn report(sim: &Simulation, finish: &Finish, origin: &Origin, comm: &mut dyn
     }
 }
 
-/// What is known to be wrong only when a run has ended.
+/// Warnings that are known only at the end of a run.
 fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
     let unmet = &finish.unmet;
     let stop = (!unmet.is_empty()).then(|| format!("[stop] was not reached: {unmet}"));
     let has_stopped = finish.ending == Ending::Rest;
-    // An error for which `[stop]` waited is as small as was asked for.
+    // An error for which `[stop]` waited is as small as required.
     let awaited = |key| finish.stop.drives.iter().any(|(of, _)| of == key);
     let is_kept =
         |drive: &dyn Observer| drive.standing().error.is_some_and(|(key, _)| awaited(key));
-    // What is cut short goes on.
+    // Drives of an unfinished stage continue later, so they do not warn.
     let of_drives = sim
         .all_observers()
         .filter(|drive| finish.ends_stage && !(has_stopped && is_kept(*drive)))
@@ -74,7 +74,7 @@ fn last_warnings(sim: &Simulation, finish: &Finish) -> Vec<String> {
     stop.into_iter().chain(of_drives).chain(others.into_iter().flatten()).collect()
 }
 
-/// The deepest overlap, where it is deeper than commonly permitted.
+/// Warning about the deepest overlap, if it is deeper than commonly permitted.
 fn overlap(finish: &Finish) -> Option<String> {
     let (largest, step) = finish.largest_overlap;
     (largest > DEEPEST_START).then(|| {
@@ -87,11 +87,11 @@ fn overlap(finish: &Finish) -> Option<String> {
     })
 }
 
-/// Contacts of a particle that a packing under pressure has at least: of spheres with much friction four, without the
-/// particles that bear nothing.
+/// Smallest number of contacts per particle in a packing under pressure: four for spheres with high friction, less
+/// because of particles without load.
 const BEARING: f64 = 3.0;
 
-/// A few chains of particles may carry a stress and rest, while the others float: that is no packing.
+/// Warning about a packing in which a few chains of particles carry the stress while the others float.
 fn hollow(sim: &Simulation, finish: &Finish) -> Option<String> {
     let is_pressed = sim.all_observers().any(|drive| drive.standing().error.is_some());
     let coordination = finish.measures.coordination();
@@ -104,7 +104,7 @@ fn hollow(sim: &Simulation, finish: &Finish) -> Option<String> {
     })
 }
 
-/// How the run ended, and how fast it was.
+/// End and speed of the run.
 fn outcome(sim: &Simulation, finish: &Finish, ranks: u32) -> Run {
     let Finish { wall_seconds: wall_s, steps_done: steps, particle_steps, .. } = *finish;
     Run {
@@ -174,7 +174,7 @@ fn phases(
     Phase::ALL.into_iter().enumerate().map(spent).collect()
 }
 
-/// How many contacts were resolved, in `wall` seconds of the clock, and by what.
+/// Numbers of contacts and pairs resolved in `wall` seconds of the clock, by resolver.
 fn contacts(tally: &Tally, wall: f64) -> Contacts {
     let passed_on: u64 = tally.fallbacks.iter().sum();
     Contacts {
@@ -222,7 +222,7 @@ fn packing(m: &Measures) -> Packing {
     }
 }
 
-/// Collective.
+/// Resolution in time of oscillations, overlaps and motions. Collective.
 fn resolution(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> Resolution {
     let [moved, turned] = Watch::in_units(sim.largest_motions(comm));
     let library = &sim.particles.library;
@@ -231,14 +231,14 @@ fn resolution(sim: &Simulation, finish: &Finish, comm: &mut dyn Comm) -> Resolut
         dt_limit_s: time_step_limit(library, &*sim.law).and_then(|limit| number(limit.dt)),
         steps_per_oscillation: highest_frequency(library, &*sim.law)
             .map(|frequency| TAU / (frequency * sim.dt)),
-        // The axis is a diameter.
+        // The measured overlap is over the shortest axis, a diameter.
         largest_overlap_over_radius: 2.0 * finish.largest_overlap.0,
         largest_move_over_radius: moved,
         largest_turn_rad: turned,
     }
 }
 
-/// Of all ranks. Collective.
+/// Counts over all ranks. Collective.
 fn totals(sim: &Simulation, comm: &mut dyn Comm) -> (Tally, Traffic) {
     let mut tally = sim.found.tally;
     let mut traffic = sim.domain.traffic;
@@ -269,13 +269,13 @@ fn totals(sim: &Simulation, comm: &mut dyn Comm) -> (Tally, Traffic) {
     (tally, traffic)
 }
 
-/// Numbers are summed over ranks in so many parts of their units: fine enough, and a sum of megabytes of a million
-/// ranks, or of their days, still fits.
+/// Parts of a unit in which numbers are summed over ranks: fine enough, and sums of megabytes or days over a million
+/// ranks still fit.
 const PARTS: f64 = 1e6;
 
 const MEGABYTE: f64 = 1e6;
 
-/// Figures of each rank: their means, and the largest. Collective.
+/// Mean and largest value over all ranks of each figure. Collective.
 fn shares<const N: usize>(here: [f64; N], comm: &mut dyn Comm) -> [Share; N] {
     let mut most = here;
     let mut total = here.map(|value| (value * PARTS) as i64);
@@ -285,7 +285,7 @@ fn shares<const N: usize>(here: [f64; N], comm: &mut dyn Comm) -> [Share; N] {
     std::array::from_fn(|k| Share { mean: total[k] as f64 / PARTS / ranks, most: most[k] })
 }
 
-/// What communication costs in a step, and how the work is shared; `all` is the traffic of all ranks. Collective.
+/// Communication per step, and distribution of the work; `all` is the traffic of all ranks. Collective.
 fn ranks(sim: &Simulation, finish: &Finish, all: &Traffic, comm: &mut dyn Comm) -> Ranks {
     let here = &sim.domain.traffic;
     let per_step = |count: u64| count as f64 / finish.steps_done.max(1) as f64;
@@ -320,7 +320,7 @@ fn ranks(sim: &Simulation, finish: &Finish, all: &Traffic, comm: &mut dyn Comm) 
     }
 }
 
-/// Memory as the end of the run finds it. Collective.
+/// Memory at the end of the run. Collective.
 fn memory(sim: &Simulation, comm: &mut dyn Comm) -> Memory {
     let owned = sim.particles.owned.max(1) as f64;
     let columns = sim.particles.bytes() as f64 / owned;
@@ -349,17 +349,17 @@ fn memory(sim: &Simulation, comm: &mut dyn Comm) -> Memory {
     }
 }
 
-/// The most memory that this process has held so far [bytes], if the system says.
+/// Peak memory of this process [bytes], if the system reports it.
 fn peak_bytes() -> Option<f64> {
     bytes_in("/proc/self/status", "VmHWM:")
 }
 
-/// All memory of this machine [bytes]; infinite if the system does not say.
+/// Total memory of this machine [bytes]; infinite if the system does not report it.
 pub fn machine_bytes() -> f64 {
     bytes_in("/proc/meminfo", "MemTotal:").unwrap_or(f64::INFINITY)
 }
 
-/// What the system says in kibibytes after a key [bytes].
+/// Value of a key that the system gives in kibibytes [bytes].
 fn bytes_in(file: &str, key: &str) -> Option<f64> {
     let text = std::fs::read_to_string(file).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix(key))?;

@@ -1,4 +1,4 @@
-//! A run: steps, with outputs on schedule, until all is done.
+//! A run: steps with scheduled outputs until the stage or the run ends.
 
 use super::history::own_columns;
 use super::start::{DEEPEST_START, check_overlaps};
@@ -28,108 +28,108 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-/// What to do when.
+/// Length, outputs and end of a run.
 #[derive(Clone, Debug)]
 pub struct Schedule {
-    /// The last step.
+    /// Last step.
     pub last_step: u64,
-    /// Does the stage end there? Else only the run.
+    /// Does the stage end there? Otherwise only the run ends.
     pub ends_stage: bool,
     /// Steps between snapshots; 0: only at the start of a stage and at the end.
     pub snapshot_every: u64,
     /// Steps between rows of the history; 0: only at the end.
     pub history_every: u64,
-    /// When to end before.
+    /// Conditions for an earlier end.
     pub stop: Stop,
-    /// Where output goes.
+    /// Output folder.
     pub out: PathBuf,
-    /// The scene's text, for the snapshots.
+    /// Text of the scene, for the snapshots.
     pub scene: String,
-    /// Does the run go on from a snapshot of the same stage?
+    /// Does the run continue from a snapshot of the same stage?
     pub resumed: bool,
-    /// The number of the signal that asked this rank to stop; 0: none has.
+    /// Number of the signal that asked this rank to stop; 0 for none.
     pub signal: Arc<AtomicUsize>,
     /// Particles whose state and contacts are printed at every step.
     pub traced: Vec<GlobalId>,
-    /// How long the stage lasts, if not so many steps [s].
+    /// Duration of the stage [s], if it is not given by a number of steps.
     pub duration: Option<f64>,
-    /// What becomes of the step where contacts that stiffen with load make the stable limit fall below it.
+    /// Reaction when contacts that stiffen with load make the stable limit fall below the step.
     pub over: Over,
 }
 
-/// Why a run ended well.
+/// Reason for a normal end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
     /// The last step was done.
     LastStep,
-    /// All that [`Stop`] asks for holds.
+    /// All conditions of [`Stop`] hold.
     Rest,
-    /// A signal of this number asked for it, on any rank.
+    /// A signal of this number was received on any rank.
     Signal(usize),
 }
 
-/// How a run ended.
+/// Result of a run.
 #[derive(Clone, Debug)]
 pub struct Finish {
-    /// Why.
+    /// Reason for the end.
     pub ending: Ending,
     /// Is the stage over?
     pub ends_stage: bool,
-    /// When it was to end before its last step.
+    /// Conditions for an earlier end.
     pub stop: Stop,
     /// Steps of this run.
     pub steps_done: u64,
-    /// Particles of all ranks, summed over the steps.
+    /// Number of particles over all ranks, summed over the steps.
     pub particle_steps: u64,
     /// Wall clock [s].
     pub wall_seconds: f64,
-    /// The part of it in which this rank could have gone on, but had no core [s]; `None` where the system does not say.
+    /// Part of it in which this rank was ready but had no core [s]; `None` if the system does not report it.
     pub seconds_without_core: Option<f64>,
-    /// The last scalars.
+    /// Last scalar measures.
     pub measures: Measures,
-    /// The largest kinetic and elastic energy together that the run has measured [J].
+    /// Largest sum of kinetic and elastic energy that the run has measured [J].
     pub most_moving: f64,
-    /// The largest overlap over the shortest axis of the smaller body that the run has measured [-], and at which step.
+    /// Largest overlap over the shortest axis of the smaller body that the run has measured [-], and its step.
     pub largest_overlap: (f64, u64),
-    /// What has become of the stable limit of a law that stiffens with load, if contacts have been stiffer than it was found for.
+    /// Text about the stable limit of a law that stiffens with load, if contacts were stiffer than assumed.
     pub stiffened: Option<String>,
-    /// What the stage's [`Stop`] still asks for, where it is over all the same; empty if nothing.
+    /// Conditions of the stage's [`Stop`] that do not hold at the end of the stage; empty if none.
     pub unmet: String,
-    /// What has been warned of in the run.
+    /// Warnings of the run.
     pub warnings: Vec<String>,
-    /// The last snapshot.
+    /// Last snapshot.
     pub snapshot: PathBuf,
 }
 
-/// Where a run stands, for a progress bar.
+/// Progress of a run, for a progress bar.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'a> {
     /// Steps of this run done.
     pub done: u64,
     /// Steps of this run, at most.
     pub of: u64,
-    /// The scalars, at steps of the history.
+    /// Scalar measures, at steps of the history.
     pub measures: Option<&'a Measures>,
     /// Lines about the traced particles, on rank 0.
     pub trace: &'a str,
-    /// What the user should know now, the same on all ranks.
+    /// New warnings, the same on all ranks.
     pub warnings: &'a [String],
 }
 
-/// A run could not go on.
+/// Reason why a run could not go on.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
-    /// In a step. Unless [`StepError::is_agreed`], known on one rank only: abort the others.
+    /// Error in a step. Unless [`StepError::is_agreed`], known on one rank only: abort the others.
     #[error(transparent)]
     Step(#[from] StepError),
-    /// A particle is where it cannot be, or its state is not a number. Known on all ranks.
+    /// A particle is at an invalid position, or its state is not finite. Known on all ranks.
     #[error("step {step}: {error}\n{particle}")]
     Particle {
         /// Steps done.
         step: u64,
-        /// Which particle, and why.
+        /// Particle and reason.
         error: DomainError,
-        /// Its state, and what it touched.
+        /// Its state, and the bodies that it touched.
         particle: String,
     },
     /// A snapshot could not be written. Known on all ranks.
@@ -138,14 +138,14 @@ pub enum RunError {
     /// The history or a list could not be written. Known on rank 0 only: abort the others.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// Bodies are too deep in each other, or too fast, at the start of a stage. Known on all ranks.
+    /// Bodies overlap too deeply, or are too fast, at the start of a stage. Known on all ranks.
     #[error("{0}")]
     Start(String),
 }
 
-/// Runs until the schedule says that all is done. Collective.
+/// Runs to the end of the schedule. Collective.
 ///
-/// What `dem-mpi` does, and what it leaves:
+/// The steps of `dem-mpi`, and its output:
 ///
 /// ```
 /// use dem_mpi::comm::alone::Alone;
@@ -196,7 +196,7 @@ pub fn run(
     if !schedule.resumed {
         begin(sim, comm)?;
     }
-    // What came before belongs to no phase of the run.
+    // Time before this point belongs to no phase of the run.
     sim.clock = Clock::new();
     let started = Instant::now();
     let first_step = sim.step;
@@ -265,7 +265,7 @@ pub fn run(
     })
 }
 
-/// Lists pairs, looks for overlaps that are too deep, and finds the forces of the start. Collective.
+/// Lists pairs, rejects overlaps that are too deep, and finds the initial forces. Collective.
 ///
 /// # Errors
 /// See [`RunError`].
@@ -278,33 +278,35 @@ pub fn begin(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> 
     sim.find_first_forces().map_err(RunError::Step)
 }
 
-/// Shortens the step of a stage that begins where what is pressed together leaves less room for it, and says so. Collective.
+/// Shortens the step at the start of a stage if pressed contacts have lowered the stable limit, and returns a warning.
+/// Collective.
 pub fn follow_limit(sim: &mut Simulation, over: Over, comm: &mut dyn Comm) -> Option<String> {
     Stiffening::of(sim, over)?.follow(sim, comm)
 }
 
-/// What a run writes and measures on schedule.
+/// Scheduled outputs and measurements of a run.
 struct Records<'a> {
     schedule: &'a Schedule,
-    /// The last step, as steps are now.
+    /// Last step, with the present time step.
     last_step: u64,
-    /// On rank 0.
+    /// History, on rank 0.
     history: Option<History>,
-    /// Of all observers the lists of particles that come and go, on rank 0 alone.
+    /// Lists of all observers of particles that come and go, on rank 0.
     lists: Vec<List>,
-    /// Overlaps at which a run still has to warn.
+    /// Overlaps for which a warning is still to come.
     depths: Peekable<IntoIter<f64, 2>>,
-    /// The stable limit, of laws that stiffen with load.
+    /// Stable limit, for laws that stiffen with load.
     stiffening: Option<Stiffening>,
-    /// The most that friction has taken in this run [J]; `None` once a warning says that it has given some back.
+    /// Most energy that friction had taken at any time in this run [J]; `None` once a warning has reported that some was
+    /// given back.
     taken_by_friction: Option<f64>,
-    /// Parts of the energy missing from the balance at which a run still has to warn.
+    /// Energy errors for which a warning is still to come.
     missing: Peekable<IntoIter<f64, 3>>,
-    /// The largest overlap over the shortest axis that was measured [-], and at which step.
+    /// Largest measured overlap over the shortest axis [-], and its step.
     largest_overlap: (f64, u64),
-    /// The scalars, if they were measured after the last step.
+    /// Scalar measures, if they were taken after the last step.
     measures: Option<Measures>,
-    /// The snapshot, if one was written after the last step.
+    /// Snapshot, if one was written after the last step.
     snapshot: Option<PathBuf>,
 }
 
@@ -315,7 +317,7 @@ impl<'a> Records<'a> {
         comm: &dyn Comm,
     ) -> Result<Self, RunError> {
         let (history, lists) = if comm.is_root() {
-            // The last row of a run that was stopped off its schedule would not be there had it gone on.
+            // The last row of a run that was stopped off its schedule is dropped: an uninterrupted run would not have it.
             let (stage_begin, first_step) = (sim.stage_begin.0, sim.step);
             let keep = |step: u64| {
                 let scheduled = step == stage_begin || due(step, schedule.history_every);
@@ -372,13 +374,13 @@ impl<'a> Records<'a> {
         Ok(())
     }
 
-    /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
+    /// Waits until all rows are on the disk, before a snapshot that continues from them.
     fn sync(&self) -> Result<(), TableError> {
         self.history.as_ref().map_or(Ok(()), History::sync)?;
         self.lists.iter().try_for_each(List::sync)
     }
 
-    /// Writes a snapshot, after the rows of before. Collective.
+    /// Writes a snapshot, after the rows before it. Collective.
     fn save(
         &self,
         sim: &Simulation,
@@ -387,12 +389,12 @@ impl<'a> Records<'a> {
         comm: &mut dyn Comm,
     ) -> Result<PathBuf, RunError> {
         let synced = self.sync();
-        // Where a table is gone, the state is kept all the same.
+        // The state is saved even if a table could not be written.
         let saved = save(sim, self.schedule, ending, measures, comm)?;
         synced.map_err(RunError::from).map(|()| saved)
     }
 
-    /// The state before the first step of a stage. Collective.
+    /// Records the state before the first step of a stage. Collective.
     fn first(
         &mut self,
         sim: &mut Simulation,
@@ -405,13 +407,13 @@ impl<'a> Records<'a> {
         sim.most_moving = most_moving(sim, &measures);
         self.note(sim.step, &measures);
         self.push(sim, &measures, &measures.wall_forces)?;
-        // So that a run that fails leaves what it began with, however few snapshots are asked for.
+        // Written even without scheduled snapshots, so that a failed run leaves its initial state.
         self.snapshot = Some(self.save(sim, Ending::LastStep, &measures, comm)?);
         self.measures = Some(measures);
         Ok(())
     }
 
-    /// Lets the step follow the stable limit. Collective.
+    /// Adjusts the step to the stable limit. Collective.
     fn follow(&mut self, sim: &mut Simulation, comm: &mut dyn Comm) -> Option<String> {
         let followed = self.stiffening?.follow(sim, comm);
         if let (Some(_), Some(duration), true) =
@@ -423,15 +425,15 @@ impl<'a> Records<'a> {
         followed
     }
 
-    /// Keeps the largest of what is measured.
+    /// Records the largest measured overlap.
     fn note(&mut self, step: u64, measures: &Measures) {
         if measures.largest_overlap > self.largest_overlap.0 {
             self.largest_overlap = (measures.largest_overlap, step);
         }
     }
 
-    /// Lists what came and went, and measures, adds a row and writes a snapshot where they are due. Returns whether the packing
-    /// has come to rest. Collective.
+    /// Writes the lists, and measures, adds a row and writes a snapshot when they are due. Returns whether the packing has
+    /// come to rest. Collective.
     fn after_step(
         &mut self,
         sim: &mut Simulation,
@@ -466,7 +468,7 @@ impl<'a> Records<'a> {
         let ending = if is_at_rest { Ending::Rest } else { Ending::LastStep };
         let stiff = self.warn(sim, &measures, warnings, comm).err();
         if row_due || is_at_rest {
-            // A row off the schedule would not be there had the run gone on.
+            // An uninterrupted run would not have a row off the schedule.
             let scheduled = due(sim.step, schedule.history_every);
             let row = sim.show_row(&measures, scheduled, comm);
             self.push(sim, &measures, &row.wall_forces)?;
@@ -475,11 +477,11 @@ impl<'a> Records<'a> {
             self.snapshot = Some(self.save(sim, ending, &measures, comm)?);
         }
         self.measures = Some(measures);
-        // The row is there to look at.
+        // The row is written before the error is returned.
         stiff.map_or(Ok(ending), |fault| Err(StepError::Fault { step: sim.step, fault }.into()))
     }
 
-    /// Says what has become doubtful. Collective.
+    /// Adds warnings about overlaps, energy error, stiffness and motions. Collective.
     ///
     /// # Errors
     /// If contacts have become too stiff for the step.
@@ -507,7 +509,8 @@ impl<'a> Records<'a> {
         Ok(())
     }
 
-    /// A warning, once, if friction has given energy back: only tangential dashpots may, whose springs friction charges.
+    /// A warning, once, if friction has given energy back. With tangential dashpots this is allowed, because friction
+    /// charges their springs.
     fn friction_that_gives(
         &mut self,
         sim: &Simulation,
@@ -529,7 +532,7 @@ impl<'a> Records<'a> {
         ))
     }
 
-    /// Scalars and snapshot of the last step. Collective.
+    /// Scalar measures and snapshot of the last step. Collective.
     fn last(
         &mut self,
         sim: &mut Simulation,
@@ -541,7 +544,7 @@ impl<'a> Records<'a> {
             None => sim.measure(comm),
         };
         self.note(sim.step, &measures);
-        // A run that is stopped between two rows reports what it has counted since.
+        // A run that is stopped between two rows reports its counts since the last one.
         sim.show_row(&measures, false, comm);
         let snapshot = match self.snapshot.take() {
             Some(snapshot) => snapshot,
@@ -552,7 +555,7 @@ impl<'a> Records<'a> {
 }
 
 impl Simulation {
-    /// Shows a row of the history to all that looks on, and returns it as they leave it. Collective.
+    /// Passes a row of the history to all observers, and returns it with their changes. Collective.
     fn show_row(&mut self, measures: &Measures, scheduled: bool, comm: &mut dyn Comm) -> Row {
         let (wall_forces, fastest) = (measures.wall_forces.clone(), measures.largest_speed);
         let mut row = Row { wall_forces, fastest, dt: self.dt, scheduled };
@@ -560,13 +563,13 @@ impl Simulation {
         row
     }
 
-    /// Warnings about how far bodies move in a step. Collective.
+    /// Warnings about the motion of bodies in a step. Collective.
     fn warn_of_motions(&mut self, comm: &mut dyn Comm) -> Vec<String> {
         let largest = self.largest_motions(comm);
         self.watch.warnings(largest, self.dt)
     }
 
-    /// The largest motions of any rank, as fractions of what is allowed. Collective.
+    /// Largest motions over all ranks, as fractions of the limits. Collective.
     pub(super) fn largest_motions(&self, comm: &mut dyn Comm) -> [f64; 2] {
         let mut largest = self.watch.largest();
         comm.max(&mut largest);
@@ -574,7 +577,7 @@ impl Simulation {
     }
 }
 
-/// The lists of all observers, with what the run that this one continues has written.
+/// Lists of all observers, with the rows of the run that this one continues.
 fn lists(sim: &mut Simulation, schedule: &Schedule) -> Result<Vec<List>, TableError> {
     let last = sim.step;
     let keep = |step: u64| schedule.resumed && step <= last;
@@ -582,7 +585,7 @@ fn lists(sim: &mut Simulation, schedule: &Schedule) -> Result<Vec<List>, TableEr
     all.flat_map(|lists| lists.names()).map(|name| List::open(&schedule.out, name, keep)).collect()
 }
 
-/// The largest kinetic and elastic energy of the stage, that of now included [J].
+/// Largest kinetic and elastic energy of the stage, including the present one [J].
 fn most_moving(sim: &Simulation, now: &Measures) -> f64 {
     f64::max(sim.most_moving, now.moving())
 }
@@ -591,13 +594,14 @@ const fn due(step: u64, every: u64) -> bool {
     every > 0 && step.is_multiple_of(every)
 }
 
-/// Parts of the energy missing from the balance at which a run says so when it happens; less is said at its end.
+/// Energy errors above which a run warns at once; smaller ones are reported at its end.
 const MISSING: [f64; 3] = [0.01, 0.1, 1.0];
 
-/// What friction may give by rounding and by steps of finite length, over the larger of motion and dissipation.
+/// Largest energy that friction may give back by rounding and by steps of finite length, over the larger of motion and
+/// dissipation.
 const MAY_GIVE: f64 = 1e-4;
 
-/// Largest overlaps, over the shortest axis, at which a run says so.
+/// Largest overlaps, over the shortest axis, above which a run warns.
 const DEPTHS: [f64; 2] = [DEEPEST_START, 4.0 * DEEPEST_START];
 
 fn too_deep(step: u64, overlap: f64) -> String {
@@ -609,7 +613,7 @@ fn too_deep(step: u64, overlap: f64) -> String {
     )
 }
 
-/// Adds to an error that all ranks have what only one of them knows of the particle. Collective for those.
+/// Adds to an error known on all ranks the particle's state, which only one of them has. Collective for such errors.
 fn explain(error: StepError, sim: &Simulation, comm: &mut dyn Comm) -> RunError {
     match error {
         StepError::Domain { step, error } => lost(step, error, sim, comm),
@@ -619,7 +623,7 @@ fn explain(error: StepError, sim: &Simulation, comm: &mut dyn Comm) -> RunError 
     }
 }
 
-/// A particle cannot be where it is: its state, and what it touched. Collective.
+/// Error for a particle at an invalid position, with its state and the bodies that it touched. Collective.
 fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) -> RunError {
     let (DomainError::Outside { id, .. } | DomainError::NotFinite { id }) = error;
     let particles = &sim.particles;
@@ -655,8 +659,7 @@ fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) ->
     RunError::Particle { step, error, particle }
 }
 
-/// Looks now and then whether a signal has come on any rank: a reduction every [`StopCheck::SECONDS`], not
-/// every step.
+/// Regular check for signals on any rank: a reduction every [`StopCheck::SECONDS`], not every step.
 struct StopCheck {
     next: u64,
     last: u64,
@@ -664,14 +667,14 @@ struct StopCheck {
 }
 
 impl StopCheck {
-    /// How long a signal may wait, beyond the step under way [s].
+    /// Longest delay of a signal, beyond the present step [s].
     const SECONDS: f64 = 0.2;
 
     fn new(step: u64) -> Self {
         Self { next: step + 1, last: step, looked: Instant::now() }
     }
 
-    /// The signal's number. Collective at steps on which all ranks agree.
+    /// Number of the signal. Collective at steps on which all ranks agree.
     fn signal(&mut self, step: u64, stop: &AtomicUsize, comm: &mut dyn Comm) -> Option<usize> {
         if step < self.next {
             return None;
@@ -681,14 +684,14 @@ impl StopCheck {
         let mut common = [stop.load(Ordering::Relaxed) as f64, seconds_per_step];
         comm.max(&mut common);
         let [signal, slowest] = common;
-        // At most twice as many steps as before: they may become slower.
+        // At most twice as many steps as before, because they may become slower.
         let steps = ((Self::SECONDS / slowest) as u64).clamp(1, 2 * steps);
         *self = Self { next: step + steps, last: step, looked: Instant::now() };
         (signal > 0.0).then_some(signal as usize)
     }
 }
 
-/// Writes a snapshot of this moment, if its state is one to go on from. Collective.
+/// Writes a snapshot of this moment, if its state is valid. Collective.
 fn save(
     sim: &Simulation,
     schedule: &Schedule,

@@ -1,4 +1,5 @@
-//! Which sizes particles have had by the end of a run, beside those that the scene asks for: those that are there, and those that have left.
+//! Sizes of the particles at the end of a run against those requested in the scene: particles present, and particles that
+//! have left.
 
 use crate::comm::Comm;
 use crate::drive::Drive;
@@ -8,8 +9,8 @@ use crate::particles::Particles;
 use crate::population::census::Census;
 use crate::population::sizes::{By, Distribution};
 
-/// Of every shape of which there are or were particles and that has a law of sizes in the scene. The same on all ranks, whatever their
-/// number. Collective.
+/// Sizes for every shape that has or had particles and has a law of sizes in the scene. They are the same on all ranks, for
+/// any number of ranks. Collective.
 pub fn sizes(
     particles: &Particles,
     drives: &[Box<dyn Drive>],
@@ -69,7 +70,7 @@ fn curve(asked: &Distribution, found: &Census, below: &[(By, Vec<f64>); 2]) -> V
     (0..=SizesOf::ROWS).map(|k| row(k * step)).collect()
 }
 
-/// Of the law.
+/// Figures of the law.
 fn figures_of(asked: &Distribution) -> Figures {
     let [one, two, three] = asked.mean_powers();
     let tenths = |by| [0.1, 0.5, 0.9].map(|share| asked.quantile(by, share));
@@ -82,7 +83,7 @@ fn figures_of(asked: &Distribution) -> Figures {
     }
 }
 
-/// Of what there is.
+/// Figures of the particles.
 fn figures(found: &Census, below: &[(By, Vec<f64>); 2]) -> Figures {
     let [by_number, by_mass] = below.each_ref().map(|(_, below)| {
         [0.1, 0.5, 0.9].map(|share| {

@@ -1,4 +1,4 @@
-//! How deep bodies may be in each other at the start of a stage.
+//! Check of the overlaps at the start of a stage.
 
 use super::{FirstLook, Simulation};
 use crate::comm::{Comm, wire};
@@ -9,22 +9,23 @@ use crate::measure::shortest_axis;
 use crate::particles::Particles;
 use crate::shape::Kind;
 
-/// The deepest overlap that a run may begin with, over the shortest axis of the smaller body: the
-/// largest that DEM commonly permits (the paper, section 2.1).
+/// Deepest overlap with which a run may begin, over the shortest axis of the smaller body: the largest that DEM commonly
+/// permits (the paper, section 2.1).
 pub const DEEPEST_START: f64 = 0.05;
 
-/// A pair at the start: its overlap over the shortest axis, the particle, the other body as files have it, and where [m].
+/// A pair at the start: its overlap over the shortest axis, the particle, the other body in the notation of files, and the
+/// place [m].
 type TooDeep = (f64, u64, i64, [f64; 3]);
 
-/// So many of them are named.
+/// Number of pairs that the error names.
 const NAMED: usize = 5;
 
 fn is_wall(body: i64) -> bool {
     GlobalId::from_file(body).wall_index().is_some()
 }
 
-/// Refuses bodies that start too deep in each other, or so deep that no method can resolve them, and names the worst of
-/// them. Those that touched at the end of the stage before are where the forces have put them.
+/// Rejects bodies that overlap too deeply at the start, or that no method can resolve, and names the worst pairs. Contacts
+/// that existed at the end of the previous stage are accepted.
 pub(super) fn check_overlaps(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), String> {
     let FirstLook { new, unresolved } = sim.look_first();
     let mut found: Vec<TooDeep> = Vec::new();
@@ -63,7 +64,7 @@ pub(super) fn check_overlaps(sim: &mut Simulation, comm: &mut dyn Comm) -> Resul
     Err(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Smooth bodies that triangles cut from behind, where they need not touch any: their depth is how far a triangle comes into them.
+/// Smooth bodies that triangles cut from behind without a contact; their depth is that of a triangle in them.
 fn cut_by_triangles(sim: &Simulation, found: &mut Vec<TooDeep>) {
     let particles = &sim.particles;
     let bodies = particles.bodies();
@@ -75,7 +76,7 @@ fn cut_by_triangles(sim: &Simulation, found: &mut Vec<TooDeep>) {
         for slot in (0..particles.owned).filter(|&slot| !particles.is_held(slot)) {
             let a = Slot(slot as u32);
             let kind = bodies.shape_of(a).kind();
-            // A support function does not know the dents of a union.
+            // A support function ignores the dents of a union.
             if matches!(kind, Kind::Sphere | Kind::Union) || kind.extended()[0] > 0 {
                 continue;
             }
@@ -96,7 +97,7 @@ fn cut_by_triangles(sim: &Simulation, found: &mut Vec<TooDeep>) {
             let is_known = |(_, of, by, _): &TooDeep| {
                 *of == id && GlobalId::from_file(*by).wall_index() == Some(k)
             };
-            // What touched at the end of the stage before does so where it should.
+            // Contacts that existed at the end of the previous stage are accepted.
             let touches =
                 |pair: Pair| pair.a.index() == slot && particles.wall_of(pair.b) == Some(k);
             if !found.iter().any(is_known)
@@ -109,7 +110,7 @@ fn cut_by_triangles(sim: &Simulation, found: &mut Vec<TooDeep>) {
     }
 }
 
-/// Of the `worst` pairs, of so many in all and so many of two particles.
+/// Error message for the `worst` of `all` pairs, `between_particles` of which are of two particles.
 fn overlap_message(
     worst: &[TooDeep],
     [all, between_particles]: [i64; 2],

@@ -1,4 +1,4 @@
-//! The stable limit of laws that stiffen with load, while a run goes on: it falls with the root of the stiffness.
+//! Stable limit of laws that stiffen with load, during a run: it falls with the root of the stiffness.
 
 use super::Simulation;
 use super::watch::{Fault, over_the_limit};
@@ -7,52 +7,52 @@ use crate::law::stability::{limit_of_contacts, own_step, time_step_limit};
 use crate::math::larger_number;
 use crate::measure::shortest_axis;
 
-/// The part of the stable limit from which on a step that was far from it is told to be near.
+/// Part of the stable limit above which a step counts as near to it.
 const NEAR: f64 = 0.9;
 
-/// Steps between looks at the limit where the step follows it.
+/// Steps between checks of the limit if the step follows it.
 pub(super) const FOLLOWED_EVERY: u64 = 10;
 
-/// The limit that the step was found for, and what has become of it.
+/// Limit for which the step was chosen, and its later values.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stiffening {
-    /// The overlap over the radius of the smaller body up to which the limit holds [-].
+    /// Overlap over the radius of the smaller body up to which the limit holds [-].
     meant: f64,
-    /// The limit there [s].
+    /// Limit at that overlap [s].
     limit: f64,
-    /// What becomes of a step over the limit.
+    /// Reaction to a step above the limit.
     over: Over,
-    /// Has been warned of a step over the limit?
+    /// Has a warning of a step above the limit been given?
     warned: bool,
-    /// The lowest limit that contacts left when they were looked at [s], and the overlap over the radius there.
+    /// Lowest limit found for the actual contacts [s], and the overlap over the radius there.
     of_contacts: Option<(f64, f64)>,
 }
 
-/// What becomes of a step over the limit.
+/// Reaction to a step above the limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Over {
-    /// The run ends.
+    /// The run stops with an error.
     Ends,
-    /// It goes on.
+    /// The run continues.
     Allowed,
-    /// The step becomes shorter before: it is the program's own.
+    /// The step is shortened in time: it is an automatic one.
     Followed,
 }
 
 impl Stiffening {
-    /// `None` of laws whose contacts are as stiff at any load.
+    /// `None` for laws whose contacts do not stiffen with load.
     pub(super) fn of(sim: &Simulation, over: Over) -> Option<Self> {
         let meant = sim.law.about().hardest_up_to()?;
         let limit = time_step_limit(&sim.particles.library, &*sim.law)?.dt;
         Some(Self { meant, limit, over, warned: false, of_contacts: None })
     }
 
-    /// The stable limit with contacts that overlap by this part of the radius [s]: dashpots grow with the root of the stiffness.
+    /// Stable limit with contacts at this overlap over the radius [s]: dashpots grow with the root of the stiffness.
     fn limit_at(&self, overlap: f64, sim: &Simulation) -> f64 {
         self.limit / sim.law.about().stiffens(overlap, &sim.particles.library).sqrt()
     }
 
-    /// A sentence about an overlap over the radius, if it is beyond what was meant and leaves little of the step or nothing.
+    /// Sentence about an overlap over the radius, if it exceeds the assumed one and the step is near or above the limit.
     pub(super) fn words(&self, largest: f64, sim: &Simulation) -> Option<String> {
         let (meant, dt) = (self.meant, sim.dt);
         let (limit, overlap) =
@@ -69,11 +69,11 @@ impl Stiffening {
         }
     }
 
-    /// A warning, the first time that contacts leave the step over the limit. A limit that is only near is told at the end. The contacts of this step
-    /// are looked at only where a full packing with this overlap would be unstable. Collective.
+    /// Returns a warning the first time that contacts lower the limit below the step. A limit that is only near is reported
+    /// at the end. The actual contacts are checked only if a full packing with this overlap would be unstable. Collective.
     ///
     /// # Errors
-    /// If it is over the limit and may not be.
+    /// If the step is above the limit, which is not allowed.
     pub(super) fn check(
         &mut self,
         overlap: f64,
@@ -99,7 +99,7 @@ impl Stiffening {
         Ok(Some(over_the_limit(dt, limit, overlap)))
     }
 
-    /// Makes the step shorter where the limit has fallen so far that little of it is left, and says so. Collective.
+    /// Shortens the step if it is near the fallen limit, and returns a warning. Collective.
     pub(super) fn follow(&self, sim: &mut Simulation, comm: &mut dyn Comm) -> Option<String> {
         if self.over != Over::Followed {
             return None;
@@ -129,7 +129,7 @@ fn limit_of_all_contacts(sim: &Simulation, comm: &mut dyn Comm) -> (f64, f64) {
     (1.0 / fastest[0], largest[0])
 }
 
-/// The largest overlap over the shortest axis of the smaller body [-]. Collective.
+/// Largest overlap over the shortest axis of the smaller body [-]. Collective.
 fn largest_overlap(sim: &Simulation, comm: &mut dyn Comm) -> f64 {
     let Simulation { particles, contacts, .. } = sim;
     let own = contacts.iter().filter(|(pair, _)| particles.is_owned(pair.a));

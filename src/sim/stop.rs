@@ -1,4 +1,4 @@
-//! When a stage ends before its last step.
+//! Conditions under which a stage ends before its last step.
 
 use super::{Simulation, history};
 use crate::drive::{Reporter, Standing};
@@ -8,22 +8,22 @@ use crate::walls::Wall;
 use serde::{Deserialize, Serialize};
 use std::fmt::{Display, Formatter};
 
-/// When a stage has done its work: when all that is asked for holds.
+/// Conditions that must all hold for a stage to end.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stop {
-    /// The kinetic energy is below this fraction of the energy dissipated.
+    /// Kinetic energy over dissipated energy is below this.
     pub rest: Option<f64>,
-    /// The mean resultant force of a particle is below this fraction of the mean contact force: [`Measures::unbalanced`].
+    /// The mean resultant force of a particle over the mean contact force is below this: [`Measures::unbalanced`].
     pub unbalanced: Option<f64>,
-    /// So many particles have left through outlets in this stage.
+    /// At least this number of particles has left through outlets in this stage.
     pub left: Option<u64>,
-    /// No more than so many particles are there, and none are still to come.
+    /// At most this number of particles remains, and none are still to come.
     pub remaining: Option<u64>,
     /// The error of a drive is below this, by the drive's key: [`crate::drive::Standing::error`].
     pub drives: Vec<(String, f64)>,
     /// Columns of the history are within limits.
     pub when: Vec<When>,
-    /// Not before the stage has lasted so long [s].
+    /// The stage has lasted at least this long [s].
     pub after: f64,
 }
 
@@ -32,14 +32,14 @@ pub struct Stop {
 pub struct When {
     /// Name of the column.
     pub column: String,
-    /// Its number is above this.
+    /// Lower limit of its number.
     pub above: Option<f64>,
-    /// Its number is below this.
+    /// Upper limit of its number.
     pub below: Option<f64>,
 }
 
 impl When {
-    /// Is a number within the limits? One that is not known is not.
+    /// Is a number within the limits? NaN is not.
     fn holds(&self, number: f64) -> bool {
         let Self { above, below, .. } = *self;
         let is_above = above.is_none_or(|above| number > above);
@@ -55,7 +55,7 @@ impl Display for When {
     }
 }
 
-/// As the scene has it.
+/// Conditions in the form of the scene.
 impl Display for Stop {
     fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
         let Self { rest, unbalanced, drives, left, remaining, when, after } = self;
@@ -72,10 +72,10 @@ impl Display for Stop {
 }
 
 impl Stop {
-    /// Are the columns there that it names?
+    /// Checks that the history has the columns that it names.
     ///
     /// # Errors
-    /// A column that is not, with those that are.
+    /// The first unknown column, with the existing ones.
     pub fn check(&self, sim: &Simulation) -> Result<(), String> {
         if self.when.is_empty() {
             return Ok(());
@@ -88,7 +88,7 @@ impl Stop {
         })
     }
 
-    /// Columns of the history that are not within their limits.
+    /// Columns of the history outside their limits.
     fn beyond(&self, sim: &Simulation, measures: &Measures) -> Vec<String> {
         if self.when.is_empty() {
             return Vec::new();
@@ -102,10 +102,10 @@ impl Stop {
         unmet.map(|when| format!("{} is {:.4e}, not {when}", when.column, is(when))).collect()
     }
 
-    /// What is asked for and does not hold now; empty if all does.
+    /// Conditions that do not hold now, as text; empty if all hold.
     pub(super) fn unmet(&self, sim: &Simulation, measures: &Measures) -> String {
         let mut unmet: Vec<String> = Vec::new();
-        // A time that is a whole number of steps may come out a little above it.
+        // Rounding may put the time of a whole number of steps slightly above it.
         if sim.stage_time() + 0.5 * sim.dt < self.after {
             unmet.push(format!(
                 "the stage has lasted {:.3e} s, not {} s",
@@ -129,7 +129,7 @@ impl Stop {
         if let Some(most) = self.remaining.filter(|&most| measures.particles > most) {
             unmet.push(format!("{} particles remain, more than {most}", measures.particles));
         }
-        // In the moments at the end of a rebound when a dashpot has taken all the force, grains touch but carry nothing.
+        // At the end of a rebound a dashpot may cancel the whole force: particles touch but carry nothing.
         let carries = measures.mean_normal_force != 0.0
             || measures.wall_forces.iter().any(|f| *f != Vec3::zeros())
             || measures.group_forces.iter().any(|f| *f != Vec3::zeros());
@@ -147,7 +147,7 @@ impl Stop {
             Some((key, error, limit.map(|(_, limit)| *limit)))
         });
         for (name, is, limit) in own.into_iter().chain(of_drives) {
-            // What is not a number is below no limit.
+            // NaN is below no limit.
             if limit.is_some() && !is.is_finite() {
                 unmet.push(format!("{name} is not known, for no energy was dissipated"));
             } else if let Some(limit) = limit.filter(|&limit| is >= limit) {
@@ -158,7 +158,7 @@ impl Stop {
     }
 }
 
-/// Walls that will move whatever the grains do: grains that are at rest now will not stay so.
+/// Walls that will move whatever the particles do, so that resting particles will not stay at rest.
 fn walls_under_way<'a>(
     sim: &'a Simulation,
     measures: &'a Measures,

@@ -1,5 +1,5 @@
-//! One particle step by step, for whoever looks for a fault: its state and its contacts as lines of
-//! `name=value`, the same on any number of ranks.
+//! Trace of one particle step by step, to find faults: its state and its contacts as lines of
+//! `name=value`. It does not depend on the number of ranks.
 
 use super::Simulation;
 use crate::comm::{Comm, everywhere, wire};
@@ -11,10 +11,11 @@ use crate::math::Vec3;
 use std::fmt::Write;
 
 impl Simulation {
-    /// The state of a particle at this step, a line, and its contacts, a line each, by rising id of the
-    /// partner; on rank 0, empty elsewhere. All in SI units; `force` and `torque` of a contact act on
-    /// the particle, `normal` points from the lower id to the higher, `point` is from the particle of
-    /// the lower id. Every number is written so that it reads back to the same bits. Collective.
+    /// State of a particle at this step in one line, then its contacts, a line each, by rising id of
+    /// the partner. Returned on rank 0, empty elsewhere. All in SI units. `force` and `torque` of a
+    /// contact act on the particle. `normal` points from the lower id to the higher, `point` is given
+    /// from the particle of the lower id. Every number is written so that it reads back to the same
+    /// bits. Collective.
     pub fn trace(&self, id: GlobalId, comm: &mut dyn Comm) -> String {
         let mine = self.trace_here(id).unwrap_or_default();
         let all = comm.gather(wire::encode(&mine)).unwrap_or_default();
@@ -71,7 +72,7 @@ impl Simulation {
             } else {
                 (force, torque_on_b(&force, &point, &r))
             };
-            // Pieces stand in an order of their own.
+            // The order of pieces differs from that of ids.
             let (normal, point) = if id_of_a < id_of_b {
                 (geometry.normal, point)
             } else {
@@ -89,7 +90,7 @@ impl Simulation {
                 commas(torque.as_slice()),
             );
             for (column, place) in StateColumn::ranges(self.contacts.remembered()) {
-                // What the line has already is not repeated.
+                // Columns that the line has already are not repeated.
                 let name = format!(" {}=", column.name);
                 if !line.contains(&name) {
                     let _ = write!(line, "{name}{}", commas(&state[place]));
@@ -106,7 +107,8 @@ impl Simulation {
         Some(text)
     }
 
-    /// The ids of what a particle touched when contacts were last found; on all ranks. Collective.
+    /// Ids of the bodies that a particle touched when contacts were last found; on all ranks.
+    /// Collective.
     pub fn touched_by(&self, id: GlobalId, comm: &mut dyn Comm) -> Vec<GlobalId> {
         let particles = &self.particles;
         let pairs = self.contacts.iter().map(|(pair, _)| pair);
@@ -114,7 +116,7 @@ impl Simulation {
             .map(|pair| [pair.a, pair.b].map(|slot| particles.id[slot.index()].body()).into())
             .filter_map(|(a, b)| if a == id { Some(b) } else { (b == id).then_some(a) })
             .collect();
-        // Both owners of a pair know it.
+        // Both owners of a pair list it.
         let mut ids = everywhere(comm, &mine);
         ids.sort_unstable();
         ids.dedup();

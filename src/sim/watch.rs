@@ -1,6 +1,6 @@
-//! What no step may do, for then contacts are missed: carry a grain too far, turn it too much, push it through another.
+//! Limits of a step beyond which contacts are missed: translation, rotation and overlap of particles.
 //!
-//! The rank that sees a fault has the neighbour list rebuilt, where all ranks agree on it.
+//! The rank that finds a fault has the neighbour list rebuilt, where all ranks agree on it.
 
 use crate::contact::Pair;
 use crate::contacts::Contacts;
@@ -12,53 +12,54 @@ use crate::particles::Particles;
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
 
-/// The farthest that a body may move in a step, over the smallest inscribed radius of a particle.
+/// Largest translation of a body in a step, over the smallest inscribed radius of a particle.
 const FARTHEST: f64 = 1.0;
-/// The largest angle by which a particle may turn in a step [rad].
+/// Largest rotation of a particle in a step [rad].
 const WIDEST: f64 = 1.0;
-/// The deepest overlap, over the shortest axis of the smaller body. Published cases go to a half (MFIX DEM01 with its
-/// softest spring); at 1 the smaller of two equal spheres, or of a sphere and a wall, is through.
+/// Deepest overlap, over the shortest axis of the smaller body. Published cases reach a half (MFIX DEM01 with its softest
+/// spring). At 1 the smaller of two equal spheres, or of a sphere and a wall, has passed through.
 const DEEPEST: f64 = 0.75;
-/// The same on triangles, cylinders and cones, which push a body to the side of its centre. Where that is on the surface a sphere overlaps by a
-/// half, a cube that lies flat by 0.41, and deeper neither can be. From here it is a tenth of the axis to there at least, twice the way of a step that is
-/// warned of, so that no sound step passes from below this limit to the other side.
+/// Deepest overlap on triangles, cylinders and cones, which push a body to the side of its centre. With its centre on the
+/// surface a sphere overlaps by a half and a flat cube by 0.41; both cannot be deeper. From this limit to there is at least
+/// a tenth of the axis, twice the motion of a step with a warning. So no valid step passes from below the limit to the
+/// other side.
 pub(super) const DEEPEST_ON_SURFACE: f64 = 0.35;
-/// Parts of what is allowed from which on a run warns; the first is what a sound step stays below.
+/// Fractions of the limits above which a run warns; valid steps stay below the first.
 const WARNED: [f64; 2] = [0.1, 0.5];
 
-/// A step did what no step may.
+/// A step exceeded a limit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, Serialize, Deserialize)]
 pub enum Fault {
-    /// A body may have passed through others unseen.
+    /// A body may have passed through others undetected.
     #[error(
         "{body} moves by {moved:.3e} m in a step, {:.3} times the smallest radius ({radius:.3e} m): it may pass through others \
          unseen. It would move by a tenth of that radius with a time step of {works:.2e} s",
         moved / radius
     )]
     Moved {
-        /// Which.
+        /// Name of the body.
         body: String,
-        /// Its way in the step [m].
+        /// Its translation in the step [m].
         moved: f64,
-        /// The smallest inscribed radius of a particle [m].
+        /// Smallest inscribed radius of a particle [m].
         radius: f64,
-        /// The step with which it would move by a tenth of the radius [s].
+        /// Step with which it would move by a tenth of the radius [s].
         works: f64,
     },
-    /// A particle turns too fast for its orientation to mean anything.
+    /// A particle turns too fast for its orientation to be resolved.
     #[error(
         "particle {id} turns by {angle:.3} rad in a step: its orientation is no longer resolved. It would turn by a tenth of a \
          radian with a time step of {works:.2e} s"
     )]
     Turned {
-        /// Which.
+        /// Id of the particle.
         id: GlobalId,
-        /// The angle [rad].
+        /// Rotation in the step [rad].
         angle: f64,
-        /// The step with which it would turn by a tenth of a radian [s].
+        /// Step with which it would turn by a tenth of a radian [s].
         works: f64,
     },
-    /// Two bodies are so deep in each other that a contact means nothing.
+    /// Two bodies overlap so deeply that their contact is meaningless.
     #[error(
         "particle {a} and {b} overlap by {:.1} % of the shortest axis of the smaller body, more than {:.0} %{}. Contacts are too \
          soft for what presses or strikes, walls close on a particle, or the time step is too long: make contacts stiffer, the \
@@ -70,11 +71,11 @@ pub enum Fault {
     Deep {
         /// The lower id.
         a: GlobalId,
-        /// The other particle, or the wall.
+        /// Other particle, or wall.
         b: String,
         /// Overlap over the shortest axis.
         depth: f64,
-        /// What it may be at most.
+        /// Limit of that ratio.
         most: f64,
     },
     /// Contacts that stiffen with load have become too stiff for the step.
@@ -82,32 +83,32 @@ pub enum Fault {
     Stiff {
         /// The time step [s].
         dt: f64,
-        /// The stable limit now [s].
+        /// Stable limit now [s].
         limit: f64,
-        /// The largest overlap over the radius of the smaller body.
+        /// Largest overlap over the radius of the smaller body.
         overlap: f64,
     },
 }
 
-/// Looks at every step.
+/// Record of the motions and faults of all steps.
 #[derive(Clone, Debug)]
 pub struct Watch {
-    /// The smallest inscribed radius of a particle [m].
+    /// Smallest inscribed radius of a particle [m].
     radius: f64,
-    /// The largest part of what is allowed that a motion on this rank has taken: moves, turns.
+    /// Largest translation and rotation on this rank, as fractions of the limits.
     largest: [f64; 2],
-    /// How many of [`WARNED`] have been warned of.
+    /// Number of [`WARNED`] levels already reported.
     warned: [usize; 2],
     fault: Option<Fault>,
 }
 
 impl Watch {
-    /// Of particles of which the thinnest has this inscribed radius [m].
+    /// Watch for particles with this smallest inscribed radius [m].
     pub const fn new(radius: f64) -> Self {
         Self { radius, largest: [0.0; 2], warned: [0; 2], fault: None }
     }
 
-    /// Takes note of the motions of a step of `dt` [s], those of the walls included.
+    /// Records the motions of a step of `dt` [s], including those of the walls.
     pub fn note(&mut self, farthest: &Farthest, particles: &Particles, dt: f64) {
         let Farthest { moved: (moved, mover), turned: (angle, turner) } = *farthest;
         self.note_move(moved, dt, || particles.body_name(particles.id[mover]));
@@ -132,7 +133,7 @@ impl Watch {
         }
     }
 
-    /// Takes note of what a step of `dt` [s] would do with the velocities as they are.
+    /// Records the motions that a step of `dt` [s] would have with the present velocities.
     pub fn note_ahead(&mut self, particles: &Particles, dt: f64) {
         let mut farthest = Farthest::default();
         for slot in 0..particles.owned {
@@ -149,7 +150,8 @@ impl Watch {
         self.note(&farthest, particles, dt);
     }
 
-    /// Takes note of contacts on triangles, cylinders and cones that are too deep after a step: some steps later they may be on the other side.
+    /// Records contacts on triangles, cylinders and cones that are too deep after a step: some steps later they may be on
+    /// the other side.
     pub fn note_depths(&mut self, particles: &Particles, contacts: &Contacts) {
         if particles.walls.iter().all(|wall| wall.mesh.is_none()) {
             return;
@@ -162,12 +164,12 @@ impl Watch {
         }
     }
 
-    /// Has this rank seen a fault?
+    /// Has this rank recorded a fault?
     pub const fn has_fault(&self) -> bool {
         self.fault.is_some()
     }
 
-    /// What this rank has seen, and what is too deep now.
+    /// Checks for a recorded fault, and for overlaps that are too deep now.
     ///
     /// # Errors
     /// The fault.
@@ -177,18 +179,18 @@ impl Watch {
         own.try_for_each(|(pair, geometry)| check_depth(particles, pair, geometry.overlap))
     }
 
-    /// The parts of what is allowed that have been taken so far: the largest over all ranks is to be warned of.
+    /// Largest motions so far as fractions of the limits; warnings need the largest over all ranks.
     pub const fn largest(&self) -> [f64; 2] {
         self.largest
     }
 
-    /// The largest motions of any rank, as fractions of what is allowed, in the units of a report: way in a step over the smallest
-    /// inscribed radius, and turn in a step [rad].
+    /// Largest motions, given as fractions of the limits, in the units of a report: translation in a step over the smallest
+    /// inscribed radius, and rotation in a step [rad].
     pub const fn in_units([moved, turned]: [f64; 2]) -> [f64; 2] {
         [FARTHEST * moved, WIDEST * turned]
     }
 
-    /// Warnings about the largest motions of any rank, as fractions of what is allowed: once at a tenth and once at a half.
+    /// Warnings about the largest motions over all ranks, as fractions of the limits: once at a tenth and once at a half.
     /// `dt` in s.
     pub fn warnings(&mut self, largest: [f64; 2], dt: f64) -> Vec<String> {
         let mut warnings = Vec::new();
@@ -215,7 +217,7 @@ impl Watch {
     }
 }
 
-/// Is a contact with this overlap [m] not too deep?
+/// Checks that a contact with this overlap [m] is not too deep.
 fn check_depth(particles: &Particles, pair: Pair, overlap: f64) -> Result<(), Fault> {
     let depth = overlap / shortest_axis(particles, pair.a, pair.b);
     let most = || {
@@ -223,7 +225,7 @@ fn check_depth(particles: &Particles, pair: Pair, overlap: f64) -> Result<(), Fa
         let on_surface = wall.is_some_and(|wall| wall.mesh.is_some());
         if on_surface { DEEPEST_ON_SURFACE } else { DEEPEST }
     };
-    // Most are far from any limit.
+    // Most contacts are far from any limit.
     if depth > DEEPEST_ON_SURFACE && depth > most() {
         let [a, b] = [pair.a, pair.b].map(|slot| particles.id[slot.index()]);
         return Err(Fault::Deep { a, b: particles.body_name(b), depth, most: most() });
@@ -231,7 +233,7 @@ fn check_depth(particles: &Particles, pair: Pair, overlap: f64) -> Result<(), Fa
     Ok(())
 }
 
-/// That the step [s] is over the limit [s].
+/// Text that the step [s] is above the limit [s].
 pub(super) fn over_the_limit(dt: f64, limit: f64, overlap: f64) -> String {
     format!(
         "the time step of {dt:.3e} s is {:.1} % over the stable limit, which fell to {limit:.3e} s where an overlap of \

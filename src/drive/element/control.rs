@@ -1,35 +1,35 @@
-//! The law of control: from the stress in a cell to the rate at which it is strained.
+//! Control law of a cell: strain rate from the stress in the cell.
 //!
-//! In each step of `dt` a component with a target gets a rate from what is missing, `e = target - stress`, and from the modulus of the
-//! present contacts `C = (1/V) Σ l² n_b² (k + c/dt)`, with their branches `l`, normals `n`, stiffness `k` and dashpots `c`, where `b` is the
-//! last axis of the component:
+//! In each step of `dt` a component with a target gets a rate from its deficit `e = target - stress`, and from the modulus
+//! of the present contacts `C = (1/V) Σ l² n_b² (k + c/dt)`. `l` are their branches, `n` normals, `k` stiffnesses and `c`
+//! dashpots; `b` is the last axis of the component:
 //!
 //! `rate = P e / (C dt) + s`, then `s ← s + I e / (C dt)`, with `P = 0.25 gain` and `I = P²/4`.
 //!
-//! All grains go with the cell in the same step, so no wave must cross the packing first, and true moduli are below those of a motion
-//! that is the same everywhere: a rate found from `C` does not make up too much. `C` bounds the sum of moduli by which the components act
-//! on each other. The stress of a step sets the rate of the next one but one, for which `P` is less than that of walls. A component of
-//! which nothing touches goes at `max_rate` towards its target, or rests if that is zero.
+//! All particles move with the cell in the same step, so no wave must cross the packing first. True moduli are below those
+//! of a uniform motion, so a rate found from `C` does not overshoot. `C` bounds the sum of the moduli by which the
+//! components act on each other. The stress of a step sets the rate two steps later, so `P` is smaller than that of walls.
+//! A component without contacts goes at `max_rate` towards its target, or rests if that is zero.
 
 use crate::math::Vec3;
 use crate::measure::COMPONENTS;
 use serde::{Deserialize, Serialize};
 
-/// Strain rate or stress asked of a component; compression positive.
+/// Required strain rate or stress of a component; compression positive.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Goal {
-    /// This strain rate [1/s].
+    /// Strain rate [1/s].
     Rate(f64),
-    /// This stress [Pa].
+    /// Stress [Pa].
     Stress(f64),
-    /// Along x, y and z alike: this stress in their mean [Pa].
+    /// Mean stress along x, y and z, which have equal rates [Pa].
     MeanStress(f64),
-    /// Its part of what keeps the volume.
+    /// Rate that keeps the volume, shared with other components of this kind.
     Volume,
 }
 
 impl Goal {
-    /// The stress that it is to reach [Pa].
+    /// Stress to reach [Pa].
     pub const fn stress(&self) -> Option<f64> {
         match *self {
             Self::Stress(stress) | Self::MeanStress(stress) => Some(stress),
@@ -38,16 +38,16 @@ impl Goal {
     }
 }
 
-/// Strain rates and stresses asked of a cell.
+/// Required strain rates and stresses of a cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Control {
-    /// By [`COMPONENTS`].
+    /// Goals by [`COMPONENTS`].
     pub goals: [Goal; 6],
-    /// How long targets move from the stress with which the stage begins to the goal [s].
+    /// Time in which targets move from the initial stress of the stage to the goal [s].
     pub ramp: f64,
-    /// The fastest rate of a component with a stress [1/s].
+    /// Largest rate of a component with a stress [1/s].
     pub max_rate: f64,
-    /// Factor on how quickly the cell answers [-].
+    /// Factor on the response of the cell [-].
     pub gain: f64,
 }
 
@@ -56,23 +56,24 @@ pub struct Control {
 pub struct Pressed {
     /// Stress, compression positive, by [`COMPONENTS`] [Pa].
     pub stress: [f64; 6],
-    /// Moduli `C` by axis [Pa]; 0 where nothing touches.
+    /// Moduli `C` by axis [Pa]; 0 without contacts.
     pub moduli: Vec3,
 }
 
 /// State of the control of a component.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct State {
-    /// The integral: the rate at which nothing is missing [1/s].
+    /// Integral: the rate without a deficit [1/s].
     pub rate: f64,
-    /// Modulus of the contacts when there last were any; 0 before that [Pa].
+    /// Modulus of the last contacts [Pa]; 0 before the first.
     pub modulus: f64,
-    /// Stress with which the stage began [Pa].
+    /// Stress at the start of the stage [Pa].
     pub first: f64,
 }
 
 impl Control {
-    /// The components that keep a stress: number by [`COMPONENTS`] and goal [Pa]. Those that keep one in their mean are the first of them.
+    /// Components that keep a stress: index into [`COMPONENTS`] and goal [Pa]. Components that keep a mean stress are
+    /// represented by the first.
     pub fn targets(&self) -> impl Iterator<Item = (usize, f64)> {
         let is_first = |k: usize| k == 0 || !matches!(self.goals[k], Goal::MeanStress(_));
         let all = self.goals.iter().enumerate().filter(move |&(k, _)| is_first(k));
@@ -84,7 +85,7 @@ impl Control {
         self.targets().next().is_some()
     }
 
-    /// The rates of all components, from those of components with a stress [1/s].
+    /// Rates of all components, from those of components with a stress [1/s].
     pub fn rates(&self, mut of_stress: impl FnMut(usize) -> f64) -> [f64; 6] {
         let mut rates = [0.0; 6];
         for (k, goal) in self.goals.iter().enumerate() {
@@ -103,13 +104,13 @@ impl Control {
         rates
     }
 
-    /// Target at a time since the stage began [s], on its way from the first stress to the goal [Pa].
+    /// Target at a time since the stage began [s], between the first stress and the goal [Pa].
     pub fn target_at(&self, goal: f64, first: f64, time: f64) -> f64 {
         let part = if time < self.ramp { time / self.ramp } else { 1.0 };
         first + (goal - first) * part
     }
 
-    /// The rate of a component in the step to come, of `dt` [s], with a target [Pa].
+    /// Rate of a component in the next step of `dt` [s], with a target [Pa].
     pub fn rate(
         &self,
         state: &mut State,
@@ -128,7 +129,7 @@ impl Control {
         let wanted = state.rate + proportional * at_once;
         let rate = wanted.clamp(-self.max_rate, self.max_rate);
         let more = 0.25 * proportional * proportional * at_once;
-        // While the cell is held back, the integral may only become less.
+        // While the rate is limited, the integral may only shrink.
         if rate == wanted || more * wanted < 0.0 {
             state.rate = (state.rate + more).clamp(-self.max_rate, self.max_rate);
         }
@@ -148,5 +149,5 @@ impl Pressed {
     }
 }
 
-/// Part of what is missing that is made up in a step, with a gain of 1 [-].
+/// Part of the deficit that is removed in a step, with a gain of 1 [-].
 const PROPORTIONAL: f64 = 0.25;

@@ -1,9 +1,9 @@
 //! A periodic cell that is strained as a whole: the element test.
 //!
-//! Each component of strain has a rate, or one that a stress asks for ([`control`]). The flow carries all grains in the same step
-//! ([`crate::motion::affine`]). The stress is the symmetric part of the sum of force times branch, and of mass times velocity against the
-//! flow times velocity, over the volume. It is summed exactly and once per step, while the particles move: the same bits on any number of
-//! ranks.
+//! Each component of strain has a rate, given or controlled by a stress ([`control`]). The flow carries all particles in
+//! the same step ([`crate::motion::affine`]). The stress is the symmetric part of two sums over the volume: force times
+//! branch, and mass times the square of the velocity relative to the flow. It is summed exactly and once per step, while
+//! the particles move: the bits do not depend on the number of ranks.
 
 pub mod control;
 mod state;
@@ -21,38 +21,38 @@ use crate::math::{ExactSum, Mat3, Vec3};
 use crate::measure::COMPONENTS;
 use crate::walls::Wall;
 
-/// Sums of a step: those of [`COMPONENTS`] of the stress times volume, then of the moduli by axis.
+/// Number of sums of a step: stress times volume by [`COMPONENTS`], then moduli by axis.
 const SUMS: usize = COMPONENTS.len() + 3;
 
-/// The control of the cell of a running simulation.
+/// Control of the cell of a running simulation.
 #[derive(Clone, Debug)]
 pub struct Element {
     control: Control,
-    /// States and records of components without a target stay as they are.
+    /// States and records; those of components without a target are unused.
     states: [State; 6],
     records: [Record; 6],
-    /// Has the stress been seen with which the stage begins?
+    /// Has the initial stress of the stage been recorded?
     has_begun: bool,
-    /// Sums of this rank at the positions of now; empty without targets.
+    /// Sums of this rank at the present positions; empty without targets.
     sums: Vec<ExactSum>,
     warnings: Vec<String>,
-    /// Is a target still under way?
+    /// Is a target still ramping?
     ramps: bool,
 }
 
-/// The velocity gradient of a flow with these strain rates, compression positive [1/s].
+/// Velocity gradient of a flow with these strain rates, compression positive [1/s].
 pub fn gradient(rates: &[f64; 6]) -> Mat3 {
     let [xx, yy, zz, xy, xz, yz] = *rates;
     -Mat3::new(xx, xy, xz, 0.0, yy, yz, 0.0, 0.0, zz)
 }
 
-/// Name of a component, as `xy`.
+/// Name of a component, like `xy`.
 pub fn name_of(component: usize) -> String {
     COMPONENTS[component].map(|axis| AXES[axis]).concat()
 }
 
 impl Element {
-    /// At the start.
+    /// Control at the start.
     pub fn new(control: Control) -> Self {
         let sums = if control.has_target() { SUMS } else { 0 };
         Self {
@@ -66,16 +66,16 @@ impl Element {
         }
     }
 
-    /// Gives a cell the rates that are known before any stress is, for the first step of a stage.
+    /// Sets the rates of a cell that do not depend on stress, for the first step of a stage.
     pub fn begin(control: &Control, cell: &mut Cell) {
         cell.set_rate(&gradient(&control.rates(|_| 0.0)));
     }
 
-    /// Sets the rate of the cell for the step to come.
+    /// Sets the rate of the cell for the next step.
     fn steer_cell(&mut self, pressed: &Pressed, steering: &mut Steering) {
         let Self { control, states, records, has_begun, warnings, ramps, .. } = self;
         let moment = steering.moment;
-        // The rate is that of the step after this one.
+        // The rate belongs to the step after this one.
         let time = moment.stage_time + 2.0 * moment.dt;
         *ramps = control.has_target() && time < control.ramp;
         let scale = scale_of(control, states, pressed, *has_begun);
@@ -104,7 +104,8 @@ impl Element {
         steering.cell.set_rate(&gradient(&rates));
     }
 
-    /// Errors over the last fifth of the stage of each component with a target, if there were any steps: component, goal [Pa], errors.
+    /// Errors over the last fifth of the stage for each component with a target, if there were steps: component, goal [Pa],
+    /// errors.
     fn in_the_end(&self) -> impl Iterator<Item = (usize, f64, Errors)> {
         let all = self.control.targets();
         let all = all.map(|(k, goal)| (k, goal, self.records[k].course.last_fifth()));
@@ -118,7 +119,7 @@ impl Element {
     }
 }
 
-/// Stress by which errors of targets of zero are divided: the largest target, or the largest stress with which the stage began [Pa].
+/// Reference stress for the errors of zero targets: the largest target, or the largest initial stress of the stage [Pa].
 fn scale_of(control: &Control, states: &[State; 6], pressed: &Pressed, has_begun: bool) -> f64 {
     let largest = control.targets().map(|(_, goal)| goal.abs()).fold(0.0, f64::max);
     if largest > 0.0 {
@@ -131,13 +132,13 @@ fn scale_of(control: &Control, states: &[State; 6], pressed: &Pressed, has_begun
     if begun > 0.0 { begun } else { 1.0 }
 }
 
-/// How a target is called.
+/// Name of a target.
 fn called(goal: &Goal, component: usize) -> String {
     if let Goal::MeanStress(_) = goal { "isotropic".to_owned() } else { name_of(component) }
 }
 
 impl Drive for Element {
-    /// The limbs of the sums that were found with the forces.
+    /// Limbs of the sums that were found with the forces.
     fn sums(&self, _view: &View) -> Vec<i64> {
         self.sums.iter().flat_map(|sum| *sum.limbs()).collect()
     }
@@ -159,14 +160,14 @@ impl Drive for Element {
 }
 
 impl Observer for Element {
-    /// Sums stress and stiffness of this rank at the positions of now.
+    /// Sums stress and stiffness of this rank at the present positions.
     fn after_forces(&mut self, view: &View) {
         if self.sums.is_empty() {
             return;
         }
         let View { moment, particles, contacts, law, .. } = view;
         let mut sums = vec![ExactSum::default(); SUMS];
-        // At the start no time has passed, in which a dashpot would resist.
+        // At the start no time has passed, so dashpots add no stiffness.
         let dt = if moment.dt > 0.0 { moment.dt } else { f64::INFINITY };
         let mut add = |k: usize, term: f64| {
             // A state that is not a number is reported when the list of pairs is rebuilt.
@@ -207,11 +208,11 @@ impl Reporter for Element {
         std::mem::take(&mut self.warnings)
     }
 
-    /// The largest of the mean errors since the last step at which `[stop]` looked.
+    /// Largest of the mean errors since the last check of `[stop]`.
     fn standing(&self) -> Standing {
         let error = |(k, _): (usize, f64)| {
             let recent = &self.records[k].recent;
-            // Before the first step nothing is known.
+            // The error is unknown before the first step.
             if recent.steps > 0.0 { recent.mean_size() } else { f64::INFINITY }
         };
         let largest = self.control.targets().map(error).reduce(f64::max);
@@ -265,5 +266,5 @@ impl Reporter for Element {
     }
 }
 
-/// A stress whose error is larger, over its target, is warned of.
+/// Error over the target above which a warning is given.
 const OFF_TARGET: f64 = 0.02;

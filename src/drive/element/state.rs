@@ -1,4 +1,4 @@
-//! The state of the control of a cell in snapshots: a row for each component.
+//! State of the control of a cell in snapshots: a row for each component.
 
 use super::control::State;
 use super::{Element, SUMS};
@@ -9,10 +9,10 @@ use crate::drive::{DriveError, Restart, SavedColumn, load};
 use crate::math::ExactSum;
 use crate::measure::COMPONENTS;
 
-/// Names [`Element`] among the drives.
+/// Name of [`Element`] among the drives.
 pub(super) const NAME: &str = "cell";
 
-/// The name of the component.
+/// Name of the component.
 const COMPONENT: StateColumn = StateColumn::new("component", 1, "");
 /// [`State::rate`].
 const RATE: StateColumn = StateColumn::new("rate", 1, "1/s");
@@ -22,15 +22,16 @@ const MODULUS: StateColumn = StateColumn::new("modulus", 1, "Pa");
 const FIRST: StateColumn = StateColumn::new("first", 1, "Pa");
 /// 1 once the stage has begun.
 const BEGUN: StateColumn = StateColumn::new("begun", 1, "1");
-/// Errors since the last step at which `[stop]` looked.
+/// Errors since the last check of `[stop]`.
 const RECENT: StateColumn = StateColumn::new("recent", 4, "1");
-/// Errors since the stage began; parts without steps are not there.
+/// Errors since the stage began; parts without steps are zero.
 const COURSE: StateColumn = StateColumn::new("course", 4 * PARTS, "1");
-/// Exact sums of all ranks: stress times volume; in the first three rows of the other column moduli times volume.
+/// Exact sums over all ranks: stress times volume. The other column has moduli times volume in its first three
+/// rows.
 const STRESS: StateColumn = StateColumn::new("stress", ExactSum::LIMBS, "2^(32 k - 1074) J");
 const MODULI: StateColumn = StateColumn::new("moduli", ExactSum::LIMBS, "2^(32 k - 1074) J");
 
-/// Its columns, of all ranks. Collective.
+/// Columns over all ranks. Collective.
 pub(super) fn saved(element: &Element, comm: &mut dyn Comm) -> Vec<SavedColumn> {
     let Element { states, records, has_begun, sums, .. } = element;
     if sums.is_empty() {
@@ -53,7 +54,7 @@ pub(super) fn saved(element: &Element, comm: &mut dyn Comm) -> Vec<SavedColumn> 
     ]
 }
 
-/// Goes on as it did; in a new stage only with what the law of control remembers.
+/// Restores the state; in a new stage only the state of the control law.
 pub(super) fn resume(element: &mut Element, restart: &Restart) -> Result<(), DriveError> {
     let saved = restart.saved;
     let (rates, moduli) = (saved.reals(&RATE)?, saved.reals(&MODULUS)?);
@@ -68,7 +69,7 @@ pub(super) fn resume(element: &mut Element, restart: &Restart) -> Result<(), Dri
     for (k, state) in element.states.iter_mut().enumerate() {
         *state = State { rate: rates[k], modulus: moduli[k], first: first[k] };
         if restart.is_new_stage {
-            // Its targets are others: what another one asked for at last is no measure.
+            // The last rate of another stage is no estimate for the new targets.
             *state = State { rate: 0.0, ..*state };
         }
     }

@@ -1,10 +1,10 @@
-//! Held particles stay out of the kicks of others.
+//! Exclusion of held particles from the kicks of the others.
 
 use crate::math::{Quat, Vec3, Vec3AndNumber};
 use crate::motion::Field;
 use crate::particles::Particles;
 
-/// The state of a held particle, while nothing moves it.
+/// Saved state of a held particle during a kick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Idle {
     slot: usize,
@@ -12,12 +12,13 @@ pub(super) struct Idle {
     velocity: Vec3,
     /// Torque, angular momentum and angular velocity.
     spin: Option<(Vec3AndNumber, Option<Vec3>, Vec3)>,
-    /// The bits as they are: a kernel normalises them.
+    /// Exact bits, because a kernel normalises quaternions.
     quaternion: Option<Quat>,
 }
 
 impl Idle {
-    /// Takes away what would move it in a kick: it is at rest, and what acts on it bears its weight.
+    /// Saves the state and sets one that no kick changes: at rest, under a force that balances its
+    /// weight.
     pub(super) fn begin(particles: &mut Particles, slot: usize, field: &Field) -> Self {
         let weight = field.gravity * particles.mass(slot);
         let Particles { force, velocity, spin, orientation, .. } = particles;
@@ -36,7 +37,7 @@ impl Idle {
         }
     }
 
-    /// Gives all back, and says whose it is.
+    /// Restores the state, and returns the slot.
     pub(super) fn end(self, particles: &mut Particles) -> usize {
         let Self { slot, force, velocity, spin, quaternion } = self;
         let scale = particles.scale_of(slot);
@@ -57,7 +58,7 @@ impl Idle {
     }
 }
 
-/// Lets a held particle stand still.
+/// Sets the velocities of a held particle to zero.
 pub(super) fn stop(particles: &mut Particles, slot: usize) {
     particles.velocity[slot] = Vec3::zeros();
     if let Some(spin) = &mut particles.spin {

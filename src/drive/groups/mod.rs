@@ -1,23 +1,23 @@
 //! Groups: particles that are held on a course, or pushed.
 //!
-//! A particle belongs to the first group of the scene that names it. That is decided where a stage begins, or where the particle
-//! appears; the number of the group then stays with it ([`Particle::group`]).
+//! A particle belongs to the first group of the scene that names it. This is decided where a stage begins, or where the
+//! particle appears. The particle then keeps the number of the group ([`Particle::group`]).
 //!
 //! # Held particles
 //!
-//! They stand still, or move as one rigid body by a [`Course`]. Positions come from those of the step before and from differences of
-//! the course, so a particle that stands still keeps its bits. Like walls they have velocities that are means over a step, feel no
-//! gravity and no damping, and have no energy of their own. Their work on other particles is received, half of it in each half of a
-//! step: minus force times velocity, and torque times angular velocity.
+//! They stand still, or move as one rigid body by a [`Course`]. Positions come from those of the step before and from
+//! differences of the course, so a particle that stands still keeps its bits. Like walls they have velocities that are
+//! means over a step, have no gravity, damping or energy. Their work on other particles is received, half of it in each
+//! half of a step: minus force times velocity, and torque times angular velocity.
 //!
-//! Contact laws see an infinite mass: a held particle has a shape of its own in the library
-//! ([`crate::population::Library::add_held`]). Pairs of two of them, or of one and a wall, are never listed.
+//! Contact laws use an infinite mass: a held particle has a separate shape in the library
+//! ([`crate::population::Library::add_held`]). Pairs of two held particles, or of one and a wall, are never listed.
 //!
 //! # Pushed particles
 //!
-//! A force, a torque and the drag of a fluid ([`push`]) are added to those of the contacts, and then act in both halves of the step.
-//! Work of force and torque is received. Drag `D` on a particle of velocity `v` in a fluid of velocity `u` dissipates `-D · (v - u)`,
-//! which counts as damping; the rest, `D · u`, is received.
+//! A force, a torque and the drag of a fluid ([`push`]) are added to those of the contacts, and then act in both halves of
+//! the step. The work of force and torque is received. Drag `D` on a particle of velocity `v` in a fluid of velocity `u`
+//! dissipates `-D · (v - u)`, which counts as damping; the rest, `D · u`, is received.
 
 mod idle;
 pub mod push;
@@ -44,12 +44,12 @@ use serde::{Deserialize, Serialize};
 
 /// Name of the drive, and of its state in snapshots.
 pub const NAME: &str = "groups";
-/// The names of the groups in a snapshot.
+/// Names of the groups in a snapshot.
 pub const NAMES: StateColumn = StateColumn::new("name", 1, "1");
-/// Whether each is held: 1, or 0.
+/// 1 for held groups, 0 for others.
 pub const HELD: StateColumn = StateColumn::new("held", 1, "1");
 
-/// Particles, and what is done to them.
+/// Particles with a common prescribed motion or push.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Group {
     /// Its name in the scene.
@@ -60,30 +60,30 @@ pub struct Group {
     pub what: What,
 }
 
-/// The particles that a group names: all of this holds for each.
+/// Conditions that select the particles of a group; all must hold.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Who {
     /// Shapes; any if empty.
     pub shapes: Vec<ShapeId>,
-    /// Where centres are when the stage begins.
+    /// Region of the centres when the stage begins.
     pub region: Option<Region>,
     /// First and last ids; any if empty.
     pub ids: Vec<[u64; 2]>,
-    /// Those that come through its inlets, and no others. An [`Inlet`](super::inlet::Inlet) knows its group.
+    /// Does it select the particles of its inlets, and no others? An [`Inlet`](super::inlet::Inlet) knows its group.
     pub by_inlet: bool,
 }
 
 /// The motion of the particles of a group.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum What {
-    /// They are on a course, whatever acts on them.
+    /// Held on a course, regardless of forces.
     Held(Path),
-    /// They move freely, and something pushes them.
+    /// Free, with a push.
     Pushed(Push),
 }
 
 impl What {
-    /// In words, as a plan tells it.
+    /// Description for the plan.
     pub fn words(&self) -> String {
         match self {
             Self::Held(path) if path.is_still() => "fixed".to_owned(),
@@ -93,39 +93,39 @@ impl What {
     }
 }
 
-/// The motion of a rigid body in the time since the stage began.
+/// Motion of a rigid body as a function of the time since the stage began.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Path {
     /// Shifts of the reference point, and the turn about it.
     pub course: Course,
-    /// The reference point when the stage begins [m].
+    /// Reference point when the stage begins [m].
     pub about: Vec3,
 }
 
 impl Path {
-    /// Does it stand still for ever?
+    /// Does it never move?
     pub const fn is_still(&self) -> bool {
         self.course.shifts.is_empty() && self.course.turn.is_none()
     }
 
-    /// Where the reference point is at a time of the stage [s], in m.
+    /// Reference point at a time of the stage [s], in m.
     fn about(&self, time: f64) -> Vec3 {
         self.about + self.course.shift(time)
     }
 }
 
 impl Group {
-    /// Is it held?
+    /// Is the group held?
     pub const fn is_held(&self) -> bool {
         matches!(self.what, What::Held(_))
     }
 
-    /// Does it turn?
+    /// Does the group turn?
     pub const fn turns(&self) -> bool {
         matches!(&self.what, What::Held(path) if path.course.turn.is_some())
     }
 
-    /// The push; `None` if the group is held.
+    /// Push of the group; `None` if it is held.
     pub const fn push(&self) -> Option<&Push> {
         if let What::Pushed(push) = &self.what { Some(push) } else { None }
     }
@@ -135,12 +135,12 @@ impl Group {
         !self.who.by_inlet && (self.who.shapes.is_empty() || self.who.shapes.contains(&shape))
     }
 
-    /// Does it take particles that appear within the stage by their shapes?
+    /// Does it take new particles within the stage by their shapes?
     pub const fn takes_newcomers(&self) -> bool {
         !self.who.by_inlet && self.who.region.is_none() && self.who.ids.is_empty()
     }
 
-    /// Does it name a particle that is there when the stage begins?
+    /// Does it select a particle that exists when the stage begins?
     fn names(&self, particle: &Particle, cell: &Cell) -> bool {
         let Who { region, ids, .. } = &self.who;
         let id = particle.id.0;
@@ -150,7 +150,7 @@ impl Group {
     }
 }
 
-/// May particles of a shape be held, and are all of them?
+/// Flags of a shape: some of its particles may be held, and all of them are.
 pub fn held_of(groups: &[Group], shape: ShapeId) -> [bool; 2] {
     let mut naming = groups.iter().filter(|group| group.may_have(shape)).peekable();
     let mut may_be = false;
@@ -163,7 +163,7 @@ pub fn held_of(groups: &[Group], shape: ShapeId) -> [bool; 2] {
     [may_be || naming.any(Group::is_held), false]
 }
 
-/// Gives a particle with a shape of the scene the shape that it has in a group.
+/// Replaces a particle's shape of the scene by the one that it has in its group.
 pub fn take_shape(groups: &[Group], particle: &mut Particle, library: &Library) {
     let group = groups.get(usize::from(particle.group).wrapping_sub(1));
     if group.is_some_and(Group::is_held) {
@@ -171,7 +171,7 @@ pub fn take_shape(groups: &[Group], particle: &mut Particle, library: &Library) 
     }
 }
 
-/// Puts a particle into the first group that names it where a stage begins. One that is held gets the velocities of its course.
+/// Puts a particle into the first group that selects it where a stage begins. A held one gets the velocities of its course.
 pub fn join(groups: &[Group], particle: &mut Particle, library: &Library, cell: &Cell) {
     let found = groups.iter().position(|group| group.names(particle, cell));
     particle.group = found.map_or(0, |k| k as u16 + 1);
@@ -187,9 +187,9 @@ pub fn join(groups: &[Group], particle: &mut Particle, library: &Library, cell: 
 #[derive(Clone, Debug)]
 pub struct Groups {
     all: Vec<Group>,
-    /// Held particles of this rank while the others are kicked.
+    /// Held particles of this rank during the kick of the others.
     idle: Vec<Idle>,
-    /// Has it been seen that each group has particles?
+    /// Has it been checked that each group has particles?
     counted: bool,
 }
 
@@ -199,7 +199,7 @@ impl Groups {
         Self { all: groups, idle: Vec::new(), counted: false }
     }
 
-    /// Slots of the particles of this rank that belong to groups, and what is done to them.
+    /// Slots of this rank's particles that belong to groups, with their motion.
     fn members<'a>(
         &'a self,
         particles: &Particles,
@@ -210,7 +210,7 @@ impl Groups {
         groups.into_iter().map(|(slot, group)| (slot, &self.all[group].what))
     }
 
-    /// How the reference point and the axes of each group go on in a step of `dt` [s] from a time of the stage [s].
+    /// Motion of the reference point and the axes of each group in a step of `dt` [s] from a time of the stage [s].
     fn strides(&self, time: f64, dt: f64) -> Vec<Option<Stride>> {
         let of = |group: &Group| match &group.what {
             What::Held(path) if !path.is_still() => Some(Stride::of(path, time, dt)),
@@ -220,14 +220,14 @@ impl Groups {
     }
 }
 
-/// How a rigid body goes on in a step.
+/// Motion of a rigid body in a step.
 struct Stride {
     dt: f64,
-    /// Where its reference point is before [m].
+    /// Reference point before the step [m].
     about: Vec3,
-    /// [m]
+    /// Shift [m].
     shift: Vec3,
-    /// About the reference point; `None` if it does not turn.
+    /// Rotation about the reference point; `None` if it does not turn.
     turn: Option<Quat>,
     /// Mean velocity of the reference point [m/s], and mean angular velocity [rad/s].
     velocities: (Vec3, Vec3),
@@ -245,7 +245,7 @@ impl Stride {
         }
     }
 
-    /// Carries a particle along, which keeps velocities that are means over the step.
+    /// Moves a particle and sets its velocities to their means over the step.
     fn carry(&self, particles: &mut Particles, slot: usize, farthest: &mut Farthest) {
         let (mut velocity, turning) = self.velocities;
         let from = particles.position[slot];
@@ -291,7 +291,7 @@ impl Stride {
     }
 }
 
-/// Counts as received what a held particle does to its partners in a time [s].
+/// Counts the work of a held particle on its partners in a time [s] as received.
 fn count_work_of_held(particles: &mut Particles, slot: usize, time: f64) {
     let mut power = particles.force[slot].vector.dot(&particles.velocity[slot]);
     if let Some(spin) = &particles.spin {
@@ -371,7 +371,7 @@ impl Drive for Groups {
         let mut idle = Vec::new();
         for (slot, what) in self.members(particles) {
             match what {
-                // At the start of a stage nothing is kicked.
+                // At the start of a stage there is no kick.
                 What::Held(_) if moment.dt > 0.0 => {
                     count_work_of_held(particles, slot, half);
                     idle.push(Idle::begin(particles, slot, field));
@@ -439,7 +439,7 @@ impl Reporter for Groups {
     }
 }
 
-/// That a stage cannot go on with other groups than `before`.
+/// Error for a stage that began with other groups, named in `before`.
 pub fn other_groups(before: &str) -> DriveError {
     DriveError(format!(
         "the stage began with other groups: {before}. Particles join a group where a stage begins: give the scene the same [[group]] \

@@ -1,13 +1,14 @@
 //! Pushes on the particles of a group: a force, a torque, and the drag of a fluid.
 //!
-//! Drag is that of a sphere of the particle's volume, of diameter `d`, in a fluid of viscosity `μ` and density `ρ`, at its velocity
-//! `w` against the fluid:
+//! The drag is that of a sphere of the particle's volume, with diameter `d`. The fluid has the viscosity `μ` and the
+//! density `ρ`, and `w` is the velocity relative to it:
 //!
-//! `D = -3π μ d w φ`, with `φ = 1` (Stokes), or `φ = max(1 + 0.15 Re^0.687, 0.44 Re / 24)` and `Re = ρ |w| d / μ`
-//! (Schiller and Naumann 1933; the second is Newton's range, from `Re ≈ 1000` on).
+//! `D = -3π μ d w φ`, with `φ = 1` (Stokes), or `φ = max(1 + 0.15 Re^0.687, 0.44 Re / 24)` and `Re = ρ |w| d / μ` (Schiller
+//! and Naumann 1933; the second is Newton's range, from `Re ≈ 1000` on).
 //!
-//! In both halves of a step it belongs to the velocity at the time of the positions, as global damping does ([`crate::motion`]): in the
-//! last half that velocity is found from `w (A + ξ(|w|) dt/2) = b`, a monotonous equation for `|w|`. The terminal velocity is exact.
+//! In both halves of a step it belongs to the velocity at the time of the positions, like global damping
+//! ([`crate::motion`]). In the last half this velocity follows from `w (A + ξ(|w|) dt/2) = b`, a monotonic equation for
+//! `|w|`. The terminal velocity is exact.
 
 use crate::ids::ShapeId;
 use crate::math::{Vec3, Vec3AndNumber};
@@ -22,9 +23,9 @@ use std::f64::consts::PI;
 /// Pushes on each particle of a group.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Push {
-    /// [N]
+    /// Force [N].
     pub force: Option<Load>,
-    /// World axes [N m].
+    /// Torque in world axes [N m].
     pub torque: Option<Load>,
     /// Drag of a fluid.
     pub drag: Option<Drag>,
@@ -35,12 +36,12 @@ pub struct Push {
 pub enum Load {
     /// A constant.
     Constant(Vec3),
-    /// Along a unit vector, by the time of the stage.
+    /// Along a unit vector, with a value by the time of the stage.
     By(Vec3, Table),
 }
 
 impl Load {
-    /// At a time of the stage [s].
+    /// Value at a time of the stage [s].
     pub fn at(&self, time: f64) -> Vec3 {
         match self {
             Self::Constant(load) => *load,
@@ -49,22 +50,22 @@ impl Load {
     }
 }
 
-/// A fluid that is at rest, or flows with one velocity everywhere.
+/// A fluid at rest, or with one velocity everywhere.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Drag {
-    /// How the drag goes with the velocity.
+    /// Drag as a function of the velocity.
     pub law: DragLaw,
     /// Dynamic viscosity [Pa s].
     pub viscosity: f64,
-    /// Density; 0 if it does not count [kg/m³].
+    /// Density [kg/m³]; 0 if it is not used.
     pub density: f64,
     /// Velocity of the fluid [m/s].
     pub velocity: Vec3,
-    /// Lift over volume: density times gravity, upwards, or 0 [N/m³].
+    /// Buoyancy over volume, density times gravity, upwards, or 0 [N/m³].
     pub lift: Vec3,
 }
 
-/// How drag goes with the velocity.
+/// Law of the drag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DragLaw {
     /// Creeping flow.
@@ -74,7 +75,7 @@ pub enum DragLaw {
 }
 
 impl Drag {
-    /// Drag over the speed against the fluid [kg/s], of a sphere of a diameter [m] at such a speed [m/s].
+    /// Drag over the relative speed [kg/s], for a sphere of a diameter [m] at this speed [m/s].
     pub fn coefficient(&self, diameter: f64, speed: f64) -> f64 {
         let stokes = 3.0 * PI * self.viscosity * diameter;
         match self.law {
@@ -87,15 +88,15 @@ impl Drag {
         }
     }
 
-    /// Drag over speed and mass of a particle that is hardly faster than the fluid [1/s].
+    /// Drag over speed and mass of a particle in the limit of a small relative speed [1/s].
     pub fn rate_at_rest(&self, library: &Library, shape: ShapeId, scale: f64) -> f64 {
         let sphere = Sphere::of(library, shape, scale);
         self.coefficient(sphere.diameter, 0.0) / sphere.mass
     }
 
-    /// The speed `s` with `s (given + half ξ(s)) = size`, where `ξ` is the coefficient over the mass.
+    /// Speed `s` with `s (given + half ξ(s)) = size`, where `ξ` is the coefficient over the mass.
     fn speed(&self, sphere: &Sphere, given: f64, half: f64, size: f64) -> f64 {
-        // The left side is convex and rises: secants from above come down to it and never pass.
+        // The left side is convex and rises, so secants from above approach the root and never pass it.
         let mut speed = size / given;
         for _ in 0..MOST_SWEEPS {
             let rate = given + half * self.coefficient(sphere.diameter, speed) / sphere.mass;
@@ -113,18 +114,18 @@ impl Drag {
     }
 }
 
-/// Steps of the search for a speed at most; it needs some five.
+/// Largest number of steps of the search for a speed; it needs about five.
 const MOST_SWEEPS: usize = 50;
-/// Width of a secant, over the speed.
+/// Width of a secant over the speed.
 const SECANT: f64 = 1e-7;
 
-/// The sphere of a particle's volume and mass.
+/// Sphere of a particle's volume and mass.
 struct Sphere {
-    /// [m³]
+    /// Volume [m³].
     volume: f64,
-    /// [m]
+    /// Diameter [m].
     diameter: f64,
-    /// [kg]
+    /// Mass [kg].
     mass: f64,
 }
 
@@ -143,18 +144,18 @@ impl Sphere {
 /// Forces and torque on a particle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Acts {
-    /// Without drag [N].
+    /// Force without drag [N].
     force: Vec3,
-    /// [N m]
+    /// Torque [N m].
     torque: Vec3,
-    /// [N]
+    /// Drag [N].
     drag: Vec3,
     /// Velocity of the fluid [m/s].
     fluid: Vec3,
 }
 
 impl Acts {
-    /// Adds it to what contacts do.
+    /// Adds them to the sums of the contacts.
     pub(super) fn add_to(&self, particles: &mut Particles, slot: usize) {
         let add = |sum: &mut Vec3AndNumber, more: Vec3| sum.vector += more;
         add(&mut particles.force[slot], self.force + self.drag);
@@ -163,7 +164,7 @@ impl Acts {
         }
     }
 
-    /// Counts its work on a particle at velocities [m/s, rad/s] in a time [s].
+    /// Counts their work on a particle at velocities [m/s, rad/s] in a time [s].
     pub(super) fn count_work(
         &self,
         particles: &mut Particles,
@@ -180,7 +181,7 @@ impl Acts {
 }
 
 impl Push {
-    /// In words, as a plan tells it.
+    /// Description for the plan.
     pub fn words(&self) -> String {
         let load = |what: &str, load: &Option<Load>, unit: &str| {
             load.as_ref().map(|load| match load {
@@ -204,18 +205,18 @@ impl Push {
         if all.is_empty() { "only measured".to_owned() } else { all.join(", ") }
     }
 
-    /// Does nothing push?
+    /// Is there no push?
     pub const fn is_nothing(&self) -> bool {
         self.force.is_none() && self.torque.is_none() && self.drag.is_none()
     }
 
-    /// Force and lift at a time of the stage [s], in N.
+    /// Force and buoyancy at a time of the stage [s], in N.
     fn load(&self, sphere: &Sphere, time: f64) -> Vec3 {
         let force = self.force.as_ref().map_or_else(Vec3::zeros, |load| load.at(time));
         self.drag.as_ref().map_or(force, |drag| force + drag.lift * sphere.volume)
     }
 
-    /// Forces and torque on a particle that has this velocity [m/s] where it is, at a time of the stage [s].
+    /// Forces and torque on a particle with this velocity [m/s] at its position, at a time of the stage [s].
     pub(super) fn on(
         &self,
         particles: &Particles,
@@ -235,8 +236,8 @@ impl Push {
         acts
     }
 
-    /// The velocity that the last kick will give to a particle [m/s]: that at the time of the positions, which is now, if half the step is
-    /// 0. `time` is of the stage, and half the step, both in s.
+    /// Velocity that the last kick will give to a particle, at the time of the positions [m/s]; the present one if half the
+    /// step is 0. `time` is of the stage, and `half` is half the step, both in s.
     pub(super) fn velocity_after(
         &self,
         particles: &Particles,
@@ -258,7 +259,7 @@ impl Push {
     }
 }
 
-/// The velocities that the first kick gives to a particle [m/s, rad/s], at the time of its positions, in half a step [s].
+/// Velocities after the first kick, at the time of the particle's positions [m/s, rad/s]; `half` is half a step [s].
 pub(super) fn after_first_kick(
     particles: &Particles,
     slot: usize,

@@ -1,11 +1,12 @@
-//! The inlets of a running simulation: grains that are due look for places.
+//! Inlets of a running simulation: particles that are due are placed.
 //!
-//! A grain of an inlet has a number, and shape, size, orientation and velocity of its number under the scene's seed: a large
-//! one that finds no place is not replaced by a smaller one, it waits, and those behind it wait. Its place is drawn anew at
-//! each try, of which a grain has [`TRIES`] at a time. A try fails where the grain's bounding sphere would meet that of
-//! a grain that is there, reach behind a wall, or meet that of a new one of a lower number. Each rank looks at its own
-//! grains alone, and one sum over all ranks tells which tries are free; the rest is the same on all ranks. So are the grains,
-//! whatever the number of ranks. At most [`MOST_AT_ONCE`] grains of an inlet appear at a time, so no rank has a list of more.
+//! A particle of an inlet has a number. Its shape, size, orientation and velocity follow from this number and the scene's
+//! seed. A large one that finds no place is not replaced by a smaller one: it waits, and those behind it wait too. Its
+//! place is drawn anew at each try, and there are [`TRIES`] at a time. A try fails if the particle's bounding sphere meets
+//! that of an existing particle or of a new one of a lower number, or reaches behind a wall. Each rank checks against its
+//! own particles, and one sum over all ranks gives the free tries. The result is the same on all ranks, and does not
+//! depend on their number. At most [`MOST_AT_ONCE`] particles of an inlet appear at a time, which limits the list on each
+//! rank.
 
 use super::{Amount, Inlet};
 use crate::comm::Comm;
@@ -24,28 +25,28 @@ use crate::population::Library;
 use crate::random::{Random, mixed};
 use crate::walls::{Wall, met_by};
 
-/// How often a grain looks for a place at one time.
+/// Tries of a particle to find a place at one time.
 pub const TRIES: usize = 50;
-/// How many grains of an inlet appear at one time at most.
+/// Largest number of particles of an inlet that appear at one time.
 pub const MOST_AT_ONCE: u64 = 1000;
-/// So many grains look for places before it is asked whether one has found none.
+/// Number of particles that look for places together, before it is checked whether one has found none.
 const TOGETHER: usize = 32;
-/// Names the random numbers of inlets.
+/// Tag of the random numbers of inlets.
 const STREAM: u64 = 0x696e_6c65_7473;
 
-/// An inlet, and what has come through it in this stage.
+/// An inlet with its counts in this stage.
 #[derive(Clone, Debug)]
 struct Running {
     inlet: Inlet,
-    /// The scene's seed, and the inlet's number.
+    /// Seed of the scene, and number of the inlet.
     names: [u64; 2],
-    /// How many grains, which is the number of the next one.
+    /// Number of particles so far, the number of the next one.
     count: u64,
     /// Their mass [kg].
     mass: f64,
-    /// Grains or kg that were due and had found no place when last looked at.
+    /// Particles, or mass in kg, that were due and had found no place at the last check.
     missing: f64,
-    /// Has it warned?
+    /// Has a warning been given?
     warned: bool,
 }
 
@@ -57,19 +58,19 @@ pub struct Inlets {
     lists: Lists,
 }
 
-// What a snapshot holds: a row for each inlet.
+// Columns in a snapshot: a row for each inlet.
 const NAMES: StateColumn = StateColumn::new("name", 1, "1");
 const COUNT: StateColumn = StateColumn::new("entered", 1, "1");
 const MASS: StateColumn = StateColumn::new("entered_mass", 1, "kg");
 const MISSING: StateColumn = StateColumn::new("missing", 1, "1");
-/// Of an inlet with a rate by mass 0.
+/// Rate by number; 0 for an inlet with a rate by mass.
 const RATE: StateColumn = StateColumn::new("rate", 1, "1/s");
-/// Of an inlet with a rate by number 0.
+/// Rate by mass; 0 for an inlet with a rate by number.
 const MASS_RATE: StateColumn = StateColumn::new("mass_rate", 1, "kg/s");
 const BEGIN: StateColumn = StateColumn::new("begin", 1, "s");
 
 impl Inlets {
-    /// Before the first grain.
+    /// Inlets before the first particle.
     pub fn new(inlets: Vec<Inlet>, seed: u64) -> Self {
         let list = |Inlet { name, list, .. }: &Inlet| list.then(|| format!("entered_{name}"));
         let lists = Lists::new(inlets.iter().map(list));
@@ -86,21 +87,21 @@ impl Inlets {
 }
 
 impl Running {
-    /// Names random numbers of a step.
+    /// Tag of the random numbers of a step.
     fn stream(&self, step: u64) -> u64 {
         let [seed, number] = self.names;
         mixed(&[seed, STREAM, number, step])
     }
 
-    /// Has all come that was asked for?
+    /// Has the inlet reached its end?
     fn is_over(&self) -> bool {
         self.inlet.is_over(self.count, self.mass)
     }
 
-    /// A grain by its number, without place and id.
+    /// A particle by its number, without place and id.
     fn grain(&self, number: u64, moment: &Moment, library: &Library) -> Particle {
         let Inlet { mix, velocity, spread, spin, orientations, .. } = &self.inlet;
-        // Another stage has other grains.
+        // Another stage has other particles.
         let mut random = Random::of(self.stream(moment.step - moment.stage_step), number);
         let shape = mix.pick(random.unit());
         let scale = library.sizes[shape.index()].draw(&mut random);
@@ -115,7 +116,7 @@ impl Running {
         grain.spinning(Vec3::from_fn(|_, _| spin * random.signed()), library)
     }
 
-    /// The grains that are due, in the order of their numbers.
+    /// Particles that are due, in the order of their numbers.
     fn due(&self, moment: &Moment, library: &Library) -> Vec<Particle> {
         let Self { inlet, .. } = self;
         let seconds = inlet.fed_for(moment.stage_time);
@@ -137,18 +138,18 @@ impl Running {
         due
     }
 
-    /// The amount that was due by the rate and the end and has not come, in the unit of the rate: grains or kg. The first
-    /// `found` of the grains that are `due` have a place.
+    /// Amount that was due by the rate and the end and has not come, in the unit of the rate: particles or kg. The first
+    /// `found` of the `due` particles have a place.
     fn missing(&self, due: &[Particle], found: usize, moment: &Moment, library: &Library) -> f64 {
         let Self { inlet, mass, .. } = self;
         let (count, waiting) = (self.count as f64, &due[found..]);
         let by_rate = match inlet.rate {
-            // As the grains that are due: one that is due by a rounding is one.
+            // Rounded like the due particles, so that one due only by rounding counts as due.
             Amount::Count(rate) => (rate * inlet.fed_for(moment.stage_time)).floor() - count,
             Amount::Mass(rate) => rate * (moment.stage_time - inlet.begin) - mass,
         };
         let Some(until) = inlet.until else { return by_rate };
-        // Beyond a list that is cut off the end is known in the mean alone.
+        // If the list of due particles is cut off, the rest is estimated with the mean mass.
         let is_cut = due.len() as u64 >= MOST_AT_ONCE;
         let mean = || library.mean_over(&inlet.mix, |shape| library.mass[shape.index()]);
         let by_end = match (inlet.rate, until) {
@@ -165,7 +166,8 @@ impl Running {
         by_rate.min(by_end)
     }
 
-    /// The grains that find a place now, after those that have `entered` through others. Returns a warning, once, if others wait. Collective.
+    /// Adds the particles that find a place now to `entered`, behind those of other inlets. Returns a warning, once, if
+    /// others wait. Collective.
     fn enter(
         &mut self,
         moment: &Moment,
@@ -184,7 +186,7 @@ impl Running {
         let near = near(region, &due, particles);
         let first = self.count;
         let mut found = 0;
-        // Where one finds no place, those behind it look for none.
+        // If one finds no place, those behind it wait.
         for (some, numbers) in due.chunks(TOGETHER).zip((first..).step_by(TOGETHER)) {
             let tries = (numbers..).zip(some).map(|(number, grain)| {
                 let radius = library.radius[grain.shape.index()] * grain.scale;
@@ -224,7 +226,8 @@ impl Running {
         Some(self.short(moment.step, due.len() - found, has_more))
     }
 
-    /// A warning that grains wait: those behind the first that has found no place, or there are more than can come at a time.
+    /// Warning that particles wait behind the first that has found no place, or because more are due than can come at a
+    /// time.
     fn short(&self, step: u64, waiting: usize, has_more: bool) -> String {
         let name = &self.inlet.name;
         if has_more {
@@ -239,7 +242,7 @@ impl Running {
         )
     }
 
-    /// What of it has not come, at the end of a run.
+    /// Warnings at the end of a run for particles that have not come.
     fn last_warnings(&self, has_stopped: bool) -> Vec<String> {
         let Self { inlet: Inlet { name, rate, until, .. }, count, mass, missing, .. } = self;
         let mut warnings = Vec::new();
@@ -264,7 +267,7 @@ impl Running {
     }
 }
 
-/// Centres and bounding radii of the particles of this rank that are near a region where grains are due [m].
+/// Centres and bounding radii [m] of this rank's particles near a region in which particles are due.
 fn near(region: &Region, due: &[Particle], particles: &Particles) -> Vec<(Vec3, f64)> {
     let library = &particles.library;
     let radius = |grain: &Particle| library.radius[grain.shape.index()] * grain.scale;
@@ -277,7 +280,7 @@ fn near(region: &Region, due: &[Particle], particles: &Particles) -> Vec<(Vec3, 
         .collect()
 }
 
-/// For every try of every grain 1 if one of these particles stands in its place, or a wall.
+/// For each try of each particle: 1 if one of these particles or a wall is in its place.
 fn taken_here(near: &[(Vec3, f64)], tries: &[(f64, Vec<Vec3>)], particles: &Particles) -> Vec<i64> {
     let mut taken = Vec::with_capacity(tries.len() * TRIES);
     for (radius, places) in tries {
@@ -368,7 +371,7 @@ impl Reporter for Inlets {
         ]
     }
 
-    /// A new stage begins with the first grain.
+    /// A new stage starts from the first particle.
     fn resume(&mut self, restart: &Restart, _walls: &mut [Wall]) -> Result<(), DriveError> {
         if restart.is_new_stage {
             return Ok(());
@@ -377,7 +380,7 @@ impl Reporter for Inlets {
         let (counts, masses) = (saved.counts(&COUNT)?, saved.reals(&MASS)?);
         let all_missing = saved.reals(&MISSING)?;
         let (rates, mass_rates) = (saved.reals(&RATE)?, saved.reals(&MASS_RATE)?);
-        // Older snapshots have none: all of their inlets began with the stage.
+        // Older snapshots lack this column: all their inlets began with the stage.
         let begins = saved.reals(&BEGIN).ok();
         let names = saved.texts(&NAMES)?;
         for Running { inlet, count, mass, missing, .. } in &mut self.all {

@@ -1,7 +1,7 @@
-//! Inlets: regions in which grains appear at a rate.
+//! Inlets: regions in which particles appear at a rate.
 //!
-//! What is due is a function of the clock of the stage alone: the rate times the time since the inlet began. How grains find their places is
-//! in [`feed`].
+//! The due amount depends only on the time of the stage: it is the rate times the time since the inlet began. [`feed`]
+//! places the particles.
 
 pub mod feed;
 
@@ -15,48 +15,48 @@ use crate::population::mix::Mix;
 use crate::population::orientations::Orientations;
 use serde::{Deserialize, Serialize};
 
-/// A rate, or an amount.
+/// Rate or amount.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Amount {
-    /// Grains.
+    /// Number of particles.
     Count(f64),
     /// Mass [kg].
     Mass(f64),
 }
 
-/// Where grains appear, and how many.
+/// Region and rate at which particles appear.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Inlet {
     /// Its name in the scene.
     pub name: String,
-    /// Which shapes, and their share of the grains by number.
+    /// Shapes, and their shares of the particles by number.
     pub mix: Mix,
-    /// Where centres of grains appear; it has an end.
+    /// Region of the centres of new particles; it is bounded.
     pub region: Region,
-    /// Per second.
+    /// Rate per second.
     pub rate: Amount,
-    /// It begins so long after the beginning of the stage [s].
+    /// Start, in time after the beginning of the stage [s].
     pub begin: f64,
-    /// After so many it ends; `None`: never.
+    /// Amount after which it ends; `None` for never.
     pub until: Option<Amount>,
-    /// Steps between times at which grains appear.
+    /// Steps between insertions.
     pub every: u64,
-    /// Mean velocity at the start [m/s].
+    /// Mean initial velocity [m/s].
     pub velocity: Vec3,
-    /// Each component of the velocity differs from its mean by up to this, at random [m/s].
+    /// Largest random deviation of each velocity component from its mean [m/s].
     pub spread: f64,
-    /// Each component of the angular velocity differs from 0 by up to this, at random [rad/s].
+    /// Largest random value of each component of the angular velocity [rad/s].
     pub spin: f64,
     /// Orientations.
     pub orientations: Orientations,
-    /// Does it keep a list of its grains?
+    /// Does it keep a list of its particles?
     pub list: bool,
-    /// Number of the group of its grains, from 1; 0 if none names it.
+    /// Number of the group of its particles, from 1; 0 if no group names it.
     pub group: u16,
 }
 
 impl Inlet {
-    /// Has what was asked for come, with so many grains and so much mass [kg]? Never, if it feeds without an end.
+    /// Has it ended, with this number and mass [kg] of particles? Never true without an end.
     fn is_over(&self, count: u64, mass: f64) -> bool {
         match self.until {
             Some(Amount::Count(most)) => count as f64 >= most,
@@ -65,7 +65,7 @@ impl Inlet {
         }
     }
 
-    /// By number [1/s] and by mass [kg/s]; the one that is not given is 0.
+    /// Rate by number [1/s] and by mass [kg/s]; the one that is not set is 0.
     const fn rates(&self) -> [f64; 2] {
         match self.rate {
             Amount::Count(rate) => [rate, 0.0],
@@ -73,7 +73,7 @@ impl Inlet {
         }
     }
 
-    /// Why it cannot go on in a stage that began with something else.
+    /// Error for a stage that began with another inlet.
     fn unknown(&self, what: &str) -> DriveError {
         DriveError(format!(
             "inlet `{}` {what} when the stage began, and what is due is counted from then. Begin a new stage with the snapshot, \
@@ -82,18 +82,18 @@ impl Inlet {
         ))
     }
 
-    /// For how long it has fed at this time of the stage, both in s; less than 0 before it begins.
+    /// Time for which it has fed, at a time of the stage, both [s]; negative before it begins.
     fn fed_for(&self, stage_time: f64) -> f64 {
-        // Rounding is forgiven: of the clock, which may be far ahead of the beginning of the inlet.
+        // Tolerates rounding of the stage time, which may be far beyond the start of the inlet.
         stage_time * (1.0 + 1e-12) - self.begin
     }
 
-    /// How many grains appear in a stage of so many seconds, about.
+    /// Approximate number of particles in a stage of this duration [s].
     pub fn expected(&self, seconds: f64, library: &Library) -> u64 {
         self.due_within(seconds - self.begin, library)
     }
 
-    /// How many grains are due in so many seconds of those in which it feeds, about; no more than until its end.
+    /// Approximate number of particles due in this time of feeding [s], up to the end of the inlet.
     pub fn due_within(&self, seconds: f64, library: &Library) -> u64 {
         let mean = library.mean_over(&self.mix, |shape| library.mass[shape.index()]);
         let count = |amount: Amount| match amount {
@@ -102,11 +102,11 @@ impl Inlet {
         };
         let all = count(self.rate) * seconds.max(0.0);
         let all = self.until.map_or(all, |until| all.min(count(until)));
-        // A whole number may come out a little above.
+        // Rounding may put a whole number slightly above it.
         (all * (1.0 - 1e-12)).ceil() as u64
     }
 
-    /// In words, for `--plan`.
+    /// Description for `--plan`.
     pub fn words(&self) -> String {
         let amount = |amount: Amount, per: &str| match amount {
             Amount::Count(count) => format!("{count} particles{per}"),
@@ -137,7 +137,7 @@ mod tests {
     use crate::population::mix::Mix;
     use crate::population::orientations::Orientations;
 
-    /// Grain by grain at the times at which they are due, when the clock is far ahead of the time between two.
+    /// Particles appear one by one when they are due, even if the time is far larger than the interval between two.
     #[test]
     fn the_clock_is_rounded_and_no_grain_late() {
         let (rate, dt) = (1e5, 1e-5);

@@ -1,4 +1,4 @@
-//! The rain of a running simulation: what has fallen, and when more is due.
+//! Rain of a running simulation: particles that have fallen, and when more are due.
 
 use super::{Layer, Rain, Site, Within, of_layer};
 use crate::comm::Comm;
@@ -14,41 +14,41 @@ use crate::particles::records::Particle;
 use crate::population::Library;
 use crate::walls::Wall;
 
-/// Lets layers fall.
+/// Inserts layers of rain.
 #[derive(Clone, Debug)]
 pub struct RainGauge {
     rain: Rain,
     seed: u64,
     /// Particles that have fallen in this stage.
     fallen: u64,
-    /// Has it warned that no place is clear?
+    /// Has a warning been given that no place is clear?
     warned: bool,
     warnings: Vec<String>,
 }
 
-/// Names [`RainGauge`] among the drives.
+/// Name of [`RainGauge`] among the drives.
 const NAME: &str = "rain";
 /// Particles that have fallen in this stage.
 const FALLEN: StateColumn = StateColumn::new("fallen", 1, "1");
 
-/// What a snapshot holds when so many particles have fallen.
+/// State in a snapshot after this number of fallen particles.
 pub fn saved(fallen: u64) -> SavedState {
     let columns = vec![SavedColumn::counts(FALLEN, std::iter::once(fallen))];
     SavedState { drive: NAME.to_owned(), columns }
 }
 
 impl RainGauge {
-    /// Before the first layer.
+    /// Rain before the first layer.
     pub const fn new(rain: Rain, seed: u64) -> Self {
         Self { rain, seed, fallen: 0, warned: false, warnings: Vec::new() }
     }
 
-    /// May a layer fall after this many steps of the stage?
+    /// May a layer fall after this number of steps of the stage?
     const fn is_due(&self, stage_step: u64) -> bool {
         !self.is_over() && stage_step.is_multiple_of(self.rain.every)
     }
 
-    /// Has everything fallen?
+    /// Have all particles fallen?
     const fn is_over(&self) -> bool {
         self.fallen >= self.rain.count
     }
@@ -68,7 +68,8 @@ impl RainGauge {
         by_particle || particles.walls.iter().any(by_wall)
     }
 
-    /// Lets so many particles of the next layer fall, the first with the id `first_id`; at these places, if the layer leaves places out.
+    /// Inserts `count` particles of the next layer, the first with the id `first_id`. `places` are given if the layer
+    /// leaves places out.
     fn fall(&mut self, count: u64, first_id: u64, places: Option<Vec<Vec3>>) -> Newcomers {
         self.fallen += count;
         let (rain, seed) = (self.rain.clone(), self.seed);
@@ -80,7 +81,7 @@ impl RainGauge {
         Newcomers { count, make: Box::new(make) }
     }
 
-    /// The places of the next layer in a region.
+    /// Places of the next layer within a region.
     fn places(
         &mut self,
         region: &Region,
@@ -106,7 +107,7 @@ impl RainGauge {
 }
 
 impl Drive for RainGauge {
-    /// The next layer, if one is due and its place is free on all ranks.
+    /// Next layer, if one is due and its place is free on all ranks.
     fn insert(
         &mut self,
         moment: &Moment,
@@ -156,7 +157,7 @@ impl Reporter for RainGauge {
         saved(self.fallen).columns
     }
 
-    /// In a new stage all of it falls again.
+    /// A new stage starts with no fallen particles.
     fn resume(&mut self, restart: &Restart, _walls: &mut [Wall]) -> Result<(), DriveError> {
         if !restart.is_new_stage {
             self.fallen = restart.saved.counts(&FALLEN)?.iter().sum();
@@ -232,7 +233,7 @@ mod tests {
         }
     }
 
-    /// From where a grain of 0.05 would reach into a side of the slab.
+    /// Positions from which a particle of radius 0.05 reaches into a side of the slab.
     #[test]
     fn a_layer_waits_for_grains_at_each_side() {
         let middle = Vec3::new(0.15, 0.5, 0.9);
@@ -254,7 +255,7 @@ mod tests {
         }
     }
 
-    /// Sixty particles fit into a layer; a hundred had fallen when two hundred were asked for.
+    /// A layer holds 60 particles; 100 had fallen when 200 were requested.
     #[test]
     fn more_rain_than_there_was_falls_in_full() {
         let mut rain = rain(200);

@@ -1,11 +1,12 @@
-//! Layers of rain: where the particles of each stand.
+//! Layers of rain: positions of their particles.
 //!
-//! The slab is cut into equal cells, at least one spacing wide. A particle stands in the middle of
-//! its cell, moved by a random step that leaves its bounding sphere inside: no two particles of a
-//! layer can overlap, not even across a periodic border, and none leaves the slab.
+//! The slab is cut into equal cells, at least one spacing wide. A particle stands in the middle of its cell, moved by a
+//! random step that leaves its bounding sphere inside. So no two particles of a layer overlap, not even across a periodic
+//! border, and none leaves the slab.
 //!
-//! A layer [`Within`] a region leaves out the cells where a particle would reach out of the region or meet a wall: it stands in the
-//! next cell, and those behind it after that, so large ones do not become fewer. All ranks know all walls, and find the same.
+//! A layer [`Within`] a region leaves out the cells where a particle would reach out of the region or meet a wall. The
+//! particle takes the next cell, and those behind it follow, so that large particles do not become rarer. All ranks know
+//! all walls, and find the same places.
 
 use super::{ROUNDING, Rain};
 use crate::cell::Cell;
@@ -17,15 +18,15 @@ use crate::population::Library;
 use crate::random::{Random, mixed};
 use crate::walls::{Wall, met_by};
 
-/// Layers of more cells than this are not looked at before the run.
+/// Largest number of cells of a layer that is checked before the run.
 pub const LOOKED_AT: u64 = 20_000;
-/// How often a particle looks for a place in a cell.
+/// Tries of a particle to find a place in a cell.
 const TRIES: usize = 50;
-/// Names the random numbers of these places.
+/// Tag of the random numbers of these places.
 const STREAM: u64 = 0x7261_696e;
 
-/// The particle of a number `k` of a layer, whose first one has the id `first_id`. Shape, size, orientation and place are those of its id
-/// under the scene's `seed`.
+/// Particle `k` of a layer whose first one has the id `first_id`. Shape, size, orientation and place follow from its id and
+/// the scene's `seed`.
 pub fn of_layer(rain: &Rain, seed: u64, first_id: u64, k: u64, library: &Library) -> Particle {
     let id = first_id + k;
     let mut random = Random::of(seed, id);
@@ -41,7 +42,7 @@ pub fn of_layer(rain: &Rain, seed: u64, first_id: u64, k: u64, library: &Library
     }
 }
 
-/// A place in a cell of the slab that leaves a sphere inside.
+/// Random place in a cell of the slab that leaves a sphere inside.
 fn place_in_cell(rain: &Rain, k: u64, radius: f64, random: &mut Random) -> Vec3 {
     let [nx, ny, nz] = rain.cells().map(u64::from);
     let cell = (rain.high - rain.low).component_div(&Vec3::new(nx as f64, ny as f64, nz as f64));
@@ -52,16 +53,16 @@ fn place_in_cell(rain: &Rain, k: u64, radius: f64, random: &mut Random) -> Vec3 
     })
 }
 
-/// A layer that leaves places out: under which seed, at which look, from which id on, and how many particles at most.
+/// A layer that leaves places out.
 #[derive(Clone, Copy, Debug)]
 pub struct Layer {
-    /// Of the scene.
+    /// Seed of the scene.
     pub seed: u64,
-    /// The number of the time at which it was looked for; another one has other places.
+    /// Number of the attempt; another attempt has other places.
     pub look: u64,
-    /// Of its first particle.
+    /// Id of its first particle.
     pub first_id: u64,
-    /// So many particles are to come.
+    /// Largest number of particles.
     pub most: u64,
 }
 
@@ -70,16 +71,16 @@ pub struct Layer {
 pub struct Site<'a> {
     /// The rain.
     pub rain: &'a Rain,
-    /// Where particles may be, with their whole bounding spheres.
+    /// Region of the particles' whole bounding spheres.
     pub region: &'a Region,
     /// The domain and its periods.
     pub cell: &'a Cell,
-    /// Of which particles are clear.
+    /// Walls that particles must not meet.
     pub walls: &'a [&'a Wall],
 }
 
 impl Site<'_> {
-    /// Has any cell of a layer a place for a sphere of this radius [m]?
+    /// Does any cell of a layer have a place for a sphere of this radius [m]?
     pub fn has_place(&self, radius: f64) -> bool {
         (0..self.rain.per_layer()).any(|k| {
             let mut random = Random::of(STREAM, k);
@@ -89,13 +90,13 @@ impl Site<'_> {
         })
     }
 
-    /// Is a sphere of this radius [m] there within the region, and clear of the walls?
+    /// Is a sphere of this radius [m] at this place within the region and clear of the walls?
     fn is_clear(&self, place: &Vec3, radius: f64) -> bool {
         self.region.distance(place, self.cell) + radius <= ROUNDING * self.rain.spacing
             && met_by(self.walls.iter().copied(), self.cell, place, radius).is_none()
     }
 
-    /// Where the particles of a layer stand, in the order of their ids: as many as find places.
+    /// Places of the particles of a layer, in the order of their ids: as many as find one.
     pub fn places(&self, layer: Layer, library: &Library) -> Vec<Vec3> {
         let Layer { seed, look, first_id, most } = layer;
         let rain = self.rain;

@@ -1,6 +1,6 @@
 //! Rain: layers of particles that appear in a slab and fall.
 //!
-//! A layer is filled as [`layer`] says; it falls when its place is free ([`gauge`]).
+//! [`layer`] fills a layer; [`gauge`] inserts it when its place is free.
 
 pub mod gauge;
 pub mod layer;
@@ -16,26 +16,26 @@ use crate::population::orientations::Orientations;
 use crate::walls::Wall;
 use serde::{Deserialize, Serialize};
 
-/// A particle may reach out of a region by so much of a cell, for rounding.
+/// Largest distance by which a particle may reach out of a region, over the spacing, for rounding.
 const ROUNDING: f64 = 1e-6;
 
-/// Where the particles of a layer are that leaves places out.
+/// Region of the particles of a layer that leaves places out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Within {
-    /// They are in it with their whole bounding spheres, and clear of walls.
+    /// Region of their whole bounding spheres, which are also clear of walls.
     pub region: Region,
-    /// How many of a layer are within the region, about.
+    /// Approximate number of places of a layer within the region.
     pub places: u64,
-    /// How many of these are clear of walls that stand as at the beginning, about; not 0.
+    /// Approximate number of these that are clear of walls at the beginning; not 0.
     pub free: u64,
 }
 
 /// Layers of particles that fall in at intervals.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rain {
-    /// Which shapes, and their share of the particles.
+    /// Shapes, and their shares of the particles.
     pub mix: Mix,
-    /// How many particles in all.
+    /// Total number of particles.
     pub count: u64,
     /// Steps between layers; a layer waits until its place is free.
     pub every: u64,
@@ -43,13 +43,13 @@ pub struct Rain {
     pub low: Vec3,
     /// Highest corner of the slab [m].
     pub high: Vec3,
-    /// Least width of a particle's cell, which no particle exceeds [m].
+    /// Smallest width of a particle's cell, at least the size of any particle [m].
     pub spacing: f64,
-    /// Velocity at the start [m/s].
+    /// Initial velocity [m/s].
     pub velocity: Vec3,
     /// Orientations.
     pub orientations: Orientations,
-    /// The region in the slab to which particles keep, clear of walls; `None`: the whole slab, of which walls are clear.
+    /// Region in the slab for the particles, clear of walls; `None` for the whole slab, which walls do not reach.
     pub within: Option<Within>,
 }
 
@@ -65,28 +65,28 @@ impl Rain {
         self.cells().iter().fold(1, |all: u64, &n| all.saturating_mul(n.into()))
     }
 
-    /// Particles in a layer, about, if it leaves places out.
+    /// Particles in a layer; approximate if it leaves places out.
     pub fn in_layer(&self) -> u64 {
         self.within.as_ref().map_or_else(|| self.per_layer(), |within| within.free.max(1))
     }
 
-    /// Particles in the next layer, if so many have fallen; at most, if it leaves places out.
+    /// Particles in the next layer after `fallen`; an upper bound if it leaves places out.
     pub fn in_next_layer(&self, fallen: u64) -> u64 {
         self.count.saturating_sub(fallen).min(self.per_layer())
     }
 
-    /// Does the slab reach behind a wall? Rounding is forgiven.
+    /// Does the slab reach behind a wall? Rounding is tolerated.
     pub fn is_through(&self, wall: &Wall) -> bool {
         wall.depth(&(self.low, self.high)) / self.spacing > ROUNDING
     }
 
-    /// Layers in all; the last one may be partly filled.
+    /// Total number of layers; the last one may be partly filled.
     pub fn layers(&self) -> u64 {
         self.count.div_ceil(self.in_layer())
     }
 
-    /// Steps from one layer to the next, if nothing else holds them up: as many as a layer needs to fall out of the slab,
-    /// rounded up to a multiple of `every`. `None` if it does not fall out. Gravity in m/s², the step in s.
+    /// Steps from one layer to the next without other delays: the time of a layer to fall out of the slab, rounded up to a
+    /// multiple of `every`. `None` if it does not fall out. Gravity in m/s², the step in s.
     pub fn interval(&self, gravity: &Vec3, cell: &Cell, dt: f64) -> Option<u64> {
         let extent = self.high - self.low;
         let out = cell
@@ -97,8 +97,8 @@ impl Rain {
         Some(steps.div_ceil(self.every).saturating_mul(self.every))
     }
 
-    /// How many steps a particle needs to fall from the slab to a bed of this depth [m] on the far side of the box from `low`
-    /// to `high` [m]. `None` if it does not get there. Gravity in m/s², the step in s.
+    /// Steps of a particle to fall from the slab to a bed of this depth [m], on the far side of the box from `low` to
+    /// `high` [m]. `None` if it does not get there. Gravity in m/s², the step in s.
     pub fn fall(&self, low: &Vec3, high: &Vec3, bed: f64, gravity: &Vec3, dt: f64) -> Option<u64> {
         let axis = if *gravity == Vec3::zeros() { self.velocity.iamax() } else { gravity.iamax() };
         let (speed, pull) = (self.velocity[axis], gravity[axis]);
@@ -109,9 +109,10 @@ impl Rain {
     }
 }
 
-/// When a body that starts at a velocity [m/s] under an acceleration [m/s²] is first a distance [m] away; `None` for never [s].
+/// Time after which a body with this initial velocity [m/s] and acceleration [m/s²] is first a distance [m] away [s];
+/// `None` for never.
 fn time_to_go(distance: f64, velocity: f64, acceleration: f64) -> Option<f64> {
-    // Against the acceleration it may get there before it turns.
+    // It may get there against the acceleration, before it turns.
     let before_it_turns = velocity * velocity - 2.0 * acceleration.abs() * distance;
     let is_braked = velocity * acceleration < 0.0;
     let speed = velocity.abs();
@@ -124,7 +125,7 @@ fn time_to_go(distance: f64, velocity: f64, acceleration: f64) -> Option<f64> {
     Some((there - towards) / acceleration.abs())
 }
 
-/// How many cells of at least this width fit into a length, rounding forgiven.
+/// Number of cells of at least this width that fit into a length; rounding is tolerated.
 pub fn cells_along(length: f64, width: f64) -> u32 {
     (length / width * (1.0 + 1e-9)).floor() as u32
 }
@@ -133,7 +134,7 @@ pub fn cells_along(length: f64, width: f64) -> u32 {
 mod tests {
     use super::time_to_go;
 
-    /// The way after the time is the distance, and half as long before it is not, whichever way it started.
+    /// At the returned time the distance is reached, and never before, for any initial direction.
     #[test]
     fn the_time_out_of_the_slab_is_that_of_a_fall() {
         for (velocity, acceleration) in

@@ -5,21 +5,21 @@ use crate::drive::{Row, View, load};
 use crate::math::{ExactSum, Vec3};
 use std::collections::BTreeMap;
 
-/// The force of the particles on a wall summed over steps.
+/// Sum over steps of the force of the particles on a wall.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ForceSum {
     /// Sums along x, y, z [N].
     pub(super) axes: [ExactSum; 3],
-    /// Over how many steps.
+    /// Number of steps.
     pub(super) steps: u64,
 }
 
-/// Sums of some walls since the last row of the history, of the contacts of one rank, by the indices of walls.
+/// Sums by wall index since the last row of the history, over the contacts of one rank.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Means(pub(super) BTreeMap<usize, ForceSum>);
 
 impl Means {
-    /// Of these walls, before the first step.
+    /// Sums of these walls before the first step.
     pub(super) fn of(walls: impl Iterator<Item = usize>) -> Self {
         Self(walls.map(|wall| (wall, ForceSum::default())).collect())
     }
@@ -41,7 +41,7 @@ impl Means {
         }
     }
 
-    /// The sums of all ranks. Collective.
+    /// Sums over all ranks. Collective.
     pub(super) fn of_all_ranks(&self, comm: &mut dyn Comm) -> BTreeMap<usize, ForceSum> {
         let axes = self.0.values().flat_map(|sum| &sum.axes);
         let mut axes = load::of_all_ranks(axes, comm).into_iter();
@@ -52,7 +52,7 @@ impl Means {
         self.0.iter().map(sum).collect()
     }
 
-    /// Puts the mean forces into a row, if there were steps since the row before. Collective.
+    /// Writes the mean forces into a row, if there were steps since the previous one. Collective.
     pub(super) fn fill(&mut self, row: &mut Row, comm: &mut dyn Comm) {
         for (wall, sum) in self.of_all_ranks(comm) {
             if sum.steps > 0 {

@@ -1,10 +1,10 @@
 //! Walls that keep a stress or a force: the servo of numerical triaxial tests (the paper, section 3.1).
 //!
-//! In each step a servo finds the velocity of its walls from what presses on them ([`Servo::velocity`], [`law`]).
+//! In each step a servo finds the velocity of its walls from the load on them ([`Servo::velocity`], [`law`]).
 //!
-//! Forces and stiffnesses are summed exactly and once per step, while the particles move: the same bits on
-//! any number of ranks. Normal forces and stiffnesses come from what contacts remember; whole forces along directions, integral,
-//! stiffness, and the sums over steps from which means are made, are saved in snapshots.
+//! Forces and stiffnesses are summed exactly and once per step, while the particles move: the bits do not depend on the
+//! number of ranks. Normal forces and stiffnesses come from the state of contacts. Snapshots hold the forces along
+//! directions, integral, stiffness, and the sums over steps for means.
 
 pub mod law;
 mod means;
@@ -26,14 +26,15 @@ use crate::walls::Wall;
 use means::Means;
 use std::collections::BTreeMap;
 
-/// A servo, and what it goes on with from step to step.
+/// A servo with its state.
 #[derive(Clone, Debug)]
 struct Running {
     servo: Servo,
     state: State,
     record: Record,
-    /// Of a servo of force the sum of the forces of this rank's contacts against the directions of its walls, at the positions of now
-    /// [N]. `None` in the first step of one that is new within a stage, or has another direction: normal forces stand for it.
+    /// Sum of the forces of this rank's contacts against the directions of the walls, at the present positions [N], for a
+    /// servo of force. `None` in the first step of a servo that is new within a stage, or has another direction: normal
+    /// forces are used instead.
     pressing: Option<ExactSum>,
 }
 
@@ -41,7 +42,7 @@ struct Running {
 #[derive(Clone, Debug)]
 pub struct Servos {
     all: Vec<Running>,
-    /// By their indices, the velocities that the scene gives to walls with a servo [m/s].
+    /// Velocities that the scene gives to walls with a servo, by index [m/s].
     own: BTreeMap<usize, Vec3>,
     /// Forces on walls with a servo.
     means: Means,
@@ -49,7 +50,7 @@ pub struct Servos {
 }
 
 impl Servos {
-    /// At the start, with the velocities that the walls of the scene have.
+    /// Servos at the start, with the velocities of the scene's walls.
     pub fn new(all: Vec<Servo>, walls: &[Wall]) -> Self {
         let steered = || all.iter().flat_map(|servo| servo.walls.iter().copied());
         let own = steered().map(|wall| (wall, walls[wall].velocity)).collect();
@@ -59,17 +60,17 @@ impl Servos {
         Self { all: all.into_iter().map(running).collect(), own, means, warnings: Vec::new() }
     }
 
-    /// The number of the servo of a wall.
+    /// Number of the servo of a wall.
     fn of_wall(&self, wall: usize) -> Option<usize> {
         self.all.iter().position(|running| running.servo.walls.contains(&wall))
     }
 
-    /// Is there one of force?
+    /// Is there a servo of force?
     fn has_force(&self) -> bool {
         self.all.iter().any(|running| running.servo.goal.is_force())
     }
 
-    /// Of each wall the number of its servo, and the direction against which the particles press.
+    /// Number of the servo of each wall, and the direction against which the particles press.
     fn lines(&self, walls: &[Wall]) -> Vec<Option<Line>> {
         let line = |(k, wall): (usize, &Wall)| {
             let servo = self.of_wall(k)?;
@@ -85,7 +86,7 @@ impl Servos {
         all.filter(|(_, late)| late.steps > 0.0)
     }
 
-    /// Steers the walls of a servo on which a force [N] and a stiffness [N/m] press.
+    /// Steers the walls of one servo, given the force [N] on them and the stiffness [N/m] of their contacts.
     fn steer_one(
         &mut self,
         number: usize,
@@ -101,7 +102,7 @@ impl Servos {
                 let now = force / servo.divisor(area);
                 return Err(lost(&walls[k].name, astray, &servo.goal, now));
             }
-            // Across its direction it goes on as the scene says.
+            // Across its direction the wall keeps the velocity of the scene.
             walls[k].velocity = servo.goal.velocity(&walls[k], &self.own[&k], velocity);
         }
         if record.note(moment.step, force / servo.load(area) - 1.0) {
@@ -117,7 +118,7 @@ impl Servos {
     }
 }
 
-/// A servo cannot reach its target, or loses it: its wall, of this name, can press on nothing. `now` is what it has [Pa, N].
+/// Error for a servo whose wall, of this name, can press on no particle. `now` is its present stress or force [Pa, N].
 fn lost(wall: &str, astray: Astray, goal: &Goal, now: f64) -> DriveError {
     let (what, unit, target) = goal.target();
     let reached = format!("its {what} is {now:e} {unit} of {target:e} {unit}");
@@ -140,7 +141,7 @@ fn lost(wall: &str, astray: Astray, goal: &Goal, now: f64) -> DriveError {
 }
 
 impl Drive for Servos {
-    /// What presses on the walls: the limbs of force and stiffness of each servo.
+    /// Load on the walls: the limbs of force and stiffness of each servo.
     fn sums(&self, view: &View) -> Vec<i64> {
         let View { moment, particles, law, .. } = view;
         let needs = law.needs();
@@ -170,7 +171,7 @@ impl Drive for Servos {
 }
 
 impl Observer for Servos {
-    /// Takes note of the forces of this moment on walls with servos.
+    /// Records the present forces on walls with servos.
     fn after_forces(&mut self, view: &View) {
         if self.has_force() {
             let lines = self.lines(&view.particles.walls);
@@ -184,7 +185,7 @@ impl Observer for Servos {
         }
     }
 
-    /// The mean force on each wall with a servo over the steps since the row before.
+    /// Mean force on each wall with a servo over the steps since the previous row.
     fn row(&mut self, row: &mut Row, comm: &mut dyn Comm) {
         self.means.fill(row, comm);
     }
@@ -199,10 +200,10 @@ impl Reporter for Servos {
         std::mem::take(&mut self.warnings)
     }
 
-    /// Of each servo the mean difference of its stress or force from the target since the last step at which `[stop]` looked; the
-    /// largest of all, over the target.
+    /// Largest error of all servos, over the target: the mean difference of stress or force from it since the last check of
+    /// `[stop]`.
     fn standing(&self) -> Standing {
-        // Before the first step nothing is known.
+        // The error is unknown before the first step.
         let error = |Running { record, .. }: &Running| {
             if record.recent.steps > 0.0 { record.recent.mean_size() } else { f64::INFINITY }
         };
@@ -210,7 +211,7 @@ impl Reporter for Servos {
         Standing { error: Some(("servo", largest)), ..Standing::default() }
     }
 
-    /// One that comes towards grains, of which none touches it yet.
+    /// A servo that approaches particles and does not touch any yet.
     fn under_way(&self, walls: &[Wall], wall_forces: &[Vec3]) -> Option<String> {
         let is_free = |servo: &&Servo| servo.walls.iter().all(|&k| wall_forces[k] == Vec3::zeros());
         let servo = self.all.iter().map(|running| &running.servo).find(is_free)?;
@@ -267,5 +268,5 @@ impl Reporter for Servos {
     }
 }
 
-/// A servo whose error is larger, over its target, is warned of.
+/// Error over the target above which a warning is given.
 const OFF_TARGET: f64 = 0.02;

@@ -1,4 +1,5 @@
-//! The state of servos in snapshots: a row for each wall with a servo. The state that coupled walls share stands in each of their rows.
+//! State of servos in snapshots: a row for each wall with a servo. Coupled walls share their state; it stands in each of
+//! their rows.
 
 use super::law::{Goal, State};
 use super::{Running, Servos};
@@ -9,44 +10,44 @@ use crate::drive::{DriveError, Restart, SavedColumn, SavedState, load};
 use crate::math::ExactSum;
 use crate::walls::Wall;
 
-/// Names [`Servos`] among the drives.
+/// Name of [`Servos`] among the drives.
 pub(super) const NAME: &str = "servos";
 
 /// The wall's name in the scene.
 const WALL: StateColumn = StateColumn::new("wall", 1, "");
-/// Target stress, compression positive; 0 of a servo of force.
+/// Target stress, compression positive; 0 for a servo of force.
 const TARGET: StateColumn = StateColumn::new("target", 1, "Pa");
 /// [`State::speed`].
 const SPEED: StateColumn = StateColumn::new("speed", 1, "m/s");
 /// [`State::stiffness`].
 const STIFFNESS: StateColumn = StateColumn::new("stiffness", 1, "N/m");
-/// Errors since the last step at which `[stop]` looked.
+/// Errors since the last check of `[stop]`.
 const RECENT: StateColumn = StateColumn::new("recent", 4, "1");
-/// Errors since the stage began; parts without steps are not there.
+/// Errors since the stage began; parts without steps are zero.
 const COURSE: StateColumn = StateColumn::new("course", 4 * PARTS, "1");
-/// Sum of the forces on the wall since the last row of the history, exactly: limbs along x, y, z.
+/// Exact sum of the forces on the wall since the last row of the history: limbs along x, y, z.
 const FORCE_SUM: StateColumn =
     StateColumn::new("force_sum", 3 * ExactSum::LIMBS, "2^(32 k - 1074) N");
-/// Over how many steps.
+/// Number of steps in that sum.
 const FORCE_STEPS: StateColumn = StateColumn::new("force_steps", 1, "1");
-// Where there is a servo of force, besides:
-/// Target force; 0 of a servo of stress.
+// Further columns if there is a servo of force:
+/// Target force; 0 for a servo of stress.
 const TARGET_FORCE: StateColumn = StateColumn::new("target_force", 1, "N");
 /// [`super::Goal::along`].
 const ALONG: StateColumn = StateColumn::new("along", 3, "");
-/// The sum of the forces against the directions of the servo's walls, of all ranks, exactly.
+/// Exact sum over all ranks of the forces against the directions of the servo's walls.
 const PRESSING: StateColumn = StateColumn::new("pressing", ExactSum::LIMBS, "2^(32 k - 1074) N");
 
-/// The stress that a wall is to keep.
+/// Target stress of a wall.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Target {
     /// The wall's name.
     pub wall: String,
-    /// Compression positive [Pa].
+    /// Target, compression positive [Pa].
     pub stress: f64,
 }
 
-/// The targets of all walls with a servo of stress, from what the drives of a simulation have saved.
+/// Targets of all walls with a servo of stress, from the saved states of the drives.
 pub fn targets(saved: &[SavedState]) -> Vec<Target> {
     let read = || {
         let saved = saved.iter().find(|saved| saved.drive == NAME)?;
@@ -58,7 +59,7 @@ pub fn targets(saved: &[SavedState]) -> Vec<Target> {
     read().unwrap_or_default()
 }
 
-/// Their columns, of all ranks. Collective.
+/// Columns over all ranks. Collective.
 pub(super) fn saved(servos: &Servos, walls: &[Wall], comm: &mut dyn Comm) -> Vec<SavedColumn> {
     let sums = servos.means.of_all_ranks(comm);
     let rows = || {
@@ -96,8 +97,8 @@ pub(super) fn saved(servos: &Servos, walls: &[Wall], comm: &mut dyn Comm) -> Vec
     columns
 }
 
-/// Goes on as the walls of the same names did; in a new stage with what the law remembers only, and along another direction
-/// with what it had along that.
+/// Restores the state of the walls of the same names. In a new stage only the state of the control law is kept, along
+/// another direction with its component.
 pub(super) fn resume(
     servos: &mut Servos,
     restart: &Restart,
@@ -110,7 +111,7 @@ pub(super) fn resume(
     let courses = saved.reals(&COURSE)?.as_chunks::<4>().0.as_chunks::<PARTS>().0;
     let force_sums: &[[i64; ExactSum::LIMBS]] = saved.integers(&FORCE_SUM)?.as_chunks().0;
     let force_steps = saved.counts(&FORCE_STEPS)?;
-    // Servos of stress alone have none: they went along normals.
+    // Snapshots with servos of stress alone have no directions: those were the normals.
     let lines: Option<&[[f64; 3]]> = saved.reals(&ALONG).ok().map(|lines| lines.as_chunks().0);
     let pressing = saved.integers(&PRESSING).ok().zip(saved.reals(&TARGET_FORCE).ok());
     let row_of = |wall: usize| names.iter().position(|name| *name == walls[wall].name);

@@ -1,9 +1,9 @@
-//! Constants of Hertzian contacts: how those of two materials mix.
+//! Constants of Hertzian contacts, and their mixing for two materials.
 
 use crate::law::Mixing;
 use serde::{Deserialize, Serialize};
 
-/// The constants of a contact between two materials; by default nothing acts.
+/// Constants of a contact between two materials; by default all are zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Constants {
     /// `E*`, with `1/E* = (1 - ν_A²)/E_A + (1 - ν_B²)/E_B` [Pa].
@@ -17,7 +17,8 @@ pub struct Constants {
 }
 
 impl Mixing for Constants {
-    /// Both moduli as of half spaces in series, which is their definition; the lower friction, the mean damping ratio.
+    /// Both moduli as for half spaces in series, which is their definition; the lower friction, the mean damping
+    /// ratio.
     fn mixed(a: &Self, b: &Self) -> Self {
         let series = |x: f64, y: f64| if x + y > 0.0 { 2.0 * x * y / (x + y) } else { 0.0 };
         Self {
@@ -30,7 +31,7 @@ impl Mixing for Constants {
 }
 
 impl Constants {
-    /// Of a material with itself: Young's modulus [Pa], Poisson's ratio, friction and damping ratio.
+    /// Constants of a material with itself, from Young's modulus [Pa], Poisson's ratio, friction and damping ratio.
     pub fn of_material(youngs: f64, poisson: f64, friction: f64, damping_ratio: f64) -> Self {
         let shear = 0.5 * youngs / (1.0 + poisson);
         Self {

@@ -1,28 +1,29 @@
-//! Adhesion after Johnson, Kendall and Roberts (1971, DOI 10.1098/rspa.1971.0141) of soft spheres, with Mindlin's friction.
+//! Adhesion of soft spheres after Johnson, Kendall and Roberts (1971, DOI 10.1098/rspa.1971.0141), with Mindlin's friction.
 //!
 //! With the contact radius `a` and the work of adhesion `w = 2 √(γ_A γ_B)` per area [J/m²]
 //!
 //! `δ = a²/R* - √(2π w a / E*)`, `N = 4/3 E* a³/R* - √(8π w E* a³)`.
 //!
-//! Where surfaces touch, at `δ = 0`, the contact springs open to `a³ = 2π w R*²/E*` and pulls with `4/3 π w R*`. On the way out it
-//! outlives the overlap: it ends at the gap `3/4 (π² w² R*/E*²)^(1/3)`, where no `a` is left. What pulls bodies apart under a load must
-//! be `3/2 π w R*`. With `w = 0` it is Hertz.
+//! Where surfaces touch, at `δ = 0`, the contact springs open to `a³ = 2π w R*²/E*` and pulls with `4/3 π w R*`. When
+//! bodies part, it outlives the overlap: it ends at the gap `3/4 (π² w² R*/E*²)^(1/3)`, where no solution `a` is left. The
+//! pull-off force under a load is `3/2 π w R*`. With `w = 0` the law is Hertz's.
 //!
-//! The stored energy `∫ N dδ = 8/15 E* a⁵/R*² - 2/3 √(8π w E*) a^(7/2)/R* + π w a²` is 0 without a contact. At the touch it falls at
-//! once, and at the end it is more than 0: both parts are lost, together `7.09 (w⁵ R*⁴/E*²)^(1/3)` (Thornton and Ning 1998, DOI
-//! 10.1016/S0032-5910(98)00099-0). These two are what adhesion takes; what steps of finite length miss of them stays with normal
-//! dashpots.
+//! The stored energy `∫ N dδ = 8/15 E* a⁵/R*² - 2/3 √(8π w E*) a^(7/2)/R* + π w a²` is 0 without a contact. It drops at the
+//! first touch, and is positive at the end. Both jumps are lost, together `7.09 (w⁵ R*⁴/E*²)^(1/3)` (Thornton and Ning
+//! 1998, DOI 10.1016/S0032-5910(98)00099-0). Adhesion counts these two losses; their discretization error counts with the
+//! normal dashpots.
 //!
 //! # The radius from the overlap
 //!
-//! With `y = √(a/a_0)`, `a_0³ = 2π w R*²/E*` and `q = δ R*/a_0²` it is `y⁴ - y = q`. The resolvent `m³ + 4 q m = 1` has a
-//! simple root wherever there is a contact, which Newton's method finds; then `u = √m`, `y = (u + √(2/u - u²))/2`.
+//! With `y = √(a/a_0)`, `a_0³ = 2π w R*²/E*` and `q = δ R*/a_0²`, the equation is `y⁴ - y = q`. The resolvent
+//! `m³ + 4 q m = 1` has a simple root wherever there is a contact, which Newton's method finds. Then `u = √m`,
+//! `y = (u + √(2/u - u²))/2`.
 //!
-//! # Beside it
+//! # Other forces
 //!
-//! Dashpots and the tangential spring are those of Hertz with this `a`: `γ_n = 2 √(5/6) β √(2 E* a m*)`, `k_t = 8 G* a`. The restitution is
-//! that of the same bodies without adhesion; adhesion takes its part beside. Friction has its limit from `N + 2 · 3/2 π w R*`
-//! (Thornton 1991, DOI 10.1088/0022-3727/24/11/007).
+//! Dashpots and the tangential spring are those of Hertz with this `a`: `γ_n = 2 √(5/6) β √(2 E* a m*)`, `k_t = 8 G* a`.
+//! The restitution set is that without adhesion; adhesion dissipates in addition. Friction has its limit from
+//! `N + 2 · 3/2 π w R*` (Thornton 1991, DOI 10.1088/0022-3727/24/11/007).
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -38,22 +39,22 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
-/// What a scene says of this law.
+/// Settings of this law in a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// What there is without adhesion. Its dashpots may attract.
+    /// Elastic constants and dashpots, as without adhesion. The dashpots may attract.
     pub elastic: super::Settings,
     /// Surface energies of every pair of materials.
     pub adhesion: dmt::Interactions,
 }
 
 impl Settings {
-    /// The farthest gap over which spheres up to a radius [m] hold on to each other or to a wall [m].
+    /// Largest gap over which spheres up to a radius [m] stick to each other or to a wall [m].
     pub fn reach(&self, radius: f64) -> f64 {
         reach(&self.elastic.interactions, &self.adhesion, radius)
     }
 
-    /// The law of the bodies of a library.
+    /// Model for the bodies of a library.
     pub(crate) fn model(&self, library: &Library) -> Jkr {
         Jkr::new(self.clone(), library)
     }
@@ -72,12 +73,12 @@ fn reach(elastic: &super::Interactions, adhesion: &dmt::Interactions, radius: f6
 pub(crate) struct Jkr {
     hertz: Hertz,
     adhesion: dmt::Interactions,
-    /// Of the spheres of the scene [m].
+    /// Largest gap of a contact between the spheres of the scene [m].
     reach: f64,
     state: Vec<StateColumn>,
 }
 
-/// What adhesion makes of a contact.
+/// Constants of adhesion in a contact.
 #[derive(Clone, Copy, Debug)]
 pub struct Sticking<L> {
     /// `R*` [m].
@@ -86,21 +87,21 @@ pub struct Sticking<L> {
     pull: L,
     /// `π w` [N/m].
     work: L,
-    /// Contact radius where surfaces touch without load, `a_0`; 0 without adhesion [m].
+    /// Contact radius `a_0` where surfaces touch without overlap [m]; 0 without adhesion.
     size: L,
-    /// `a_0²/R*`; 1 without adhesion [m].
+    /// `a_0²/R*` [m]; 1 without adhesion.
     pub depth: L,
 }
 
-/// Overlap over [`Sticking::depth`] where no contact is left: `-3/4 4^(-1/3)`.
+/// Overlap over [`Sticking::depth`] at which a contact ends: `-3/4 4^(-1/3)`.
 pub const END: f64 = -0.472_470_393_710_577_4;
 /// Contact radius there over `a_0`: `4^(-2/3)`.
 const LAST_RADIUS: f64 = 0.396_850_262_992_049_9;
-/// Steps of Newton's method: it takes five from the worst start to rounding.
+/// Steps of Newton's method; five reach rounding from the worst start.
 const STEPS: u32 = 7;
 
 impl Sticking<f64> {
-    /// With a modulus [Pa], a reduced radius [m] and a surface energy [J/m²].
+    /// Constants for a modulus [Pa], a reduced radius [m] and a surface energy [J/m²].
     pub fn of(modulus: f64, radius: f64, surface_energy: f64) -> Self {
         let work = 2.0 * surface_energy;
         let size = libm::cbrt(2.0 * PI * work * radius * radius / modulus);
@@ -110,14 +111,14 @@ impl Sticking<f64> {
 }
 
 impl<L: Lanes> Sticking<L> {
-    /// The gap at which a contact ends [m].
+    /// Gap at which a contact ends [m].
     #[inline(always)]
     fn gap(&self) -> L {
         let zero = L::all(0.0);
         (L::all(-END) * self.depth).or(zero, zero.less(self.size))
     }
 
-    /// The contact radius at an overlap [m].
+    /// Contact radius at an overlap [m].
     #[inline(always)]
     pub fn contact_radius(&self, overlap: L) -> L {
         let (zero, one) = (L::all(0.0), L::all(1.0));
@@ -125,7 +126,7 @@ impl<L: Lanes> Sticking<L> {
         let part = overlap / self.depth;
         let part = end.or(part, part.less(end));
         let four = L::all(4.0) * part;
-        // From above the root.
+        // Starts Newton's method above the root.
         let shallow = one - L::all(1.25) * part;
         let deep = (one / four).or(one, one.less(four));
         let mut m = deep.or(shallow, zero.less(part));
@@ -141,13 +142,13 @@ impl<L: Lanes> Sticking<L> {
         sticks.or(super::root(self.radius * overlap), zero.less(self.size))
     }
 
-    /// The normal force at a contact radius, with `4/3 E*` [N].
+    /// Normal force at a contact radius [N]; `normal` is `4/3 E*`.
     #[inline(always)]
     pub fn press(&self, normal: L, radius: L) -> L {
         radius * (normal * radius * radius / self.radius - self.pull * radius.sqrt())
     }
 
-    /// The energy `∫ N dδ` [J].
+    /// Energy `∫ N dδ` [J].
     #[inline(always)]
     pub fn stored(&self, normal: L, radius: L) -> L {
         let flat = radius * radius / self.radius;
@@ -159,7 +160,8 @@ impl<L: Lanes> Sticking<L> {
 /// Constants of a contact.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Constants<L> {
-    /// For a root of the radius of 1, so that the contact radius stands for the root of the overlap.
+    /// Elastic constants for a root of the radius of 1, so that the contact radius takes the place of the root of the
+    /// overlap.
     elastic: Elastic<L>,
     sticking: Sticking<L>,
 }
@@ -175,7 +177,7 @@ impl<L: Lanes> Constants<L> {
     }
 }
 
-/// Constants without adhesion.
+/// Access to the constants without adhesion.
 struct OfElastic<'a, S>(&'a S);
 
 impl<L, S: Spread<Constants<f64>, L>> Spread<Elastic<f64>, L> for OfElastic<'_, S> {
@@ -199,7 +201,7 @@ impl Jkr {
         Self { hertz, adhesion, reach, state }
     }
 
-    /// Of two bodies.
+    /// Constants of adhesion of two bodies.
     fn sticking(&self, a: &Body, b: &Body) -> Sticking<f64> {
         let modulus = self.hertz.settings.interactions.of(a.material, b.material).modulus;
         let energy = self.adhesion.of(a.material, b.material).surface_energy;
@@ -208,7 +210,7 @@ impl Jkr {
 }
 
 impl Jkr {
-    /// Contact radius of a body on a plane of a material, at an overlap over its radius [m].
+    /// Contact radius of a body on a plane of a material [m], at an overlap given over the body's radius.
     fn radius_on_plane(&self, body: &Body, plane: MaterialId, overlap: f64) -> f64 {
         let elastic = self.hertz.settings.interactions.of(body.material, plane);
         let energy = self.adhesion.of(body.material, plane).surface_energy;
@@ -225,14 +227,14 @@ impl About for Jkr {
         if self.hertz.frictional { "jkr-mindlin" } else { "jkr" }
     }
 
-    /// On a plane, at the largest overlap that is expected.
+    /// The contact with a plane, at the largest overlap.
     fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
         let elastic = self.hertz.settings.interactions.of(body.material, other);
         let radius = self.radius_on_plane(body, other, self.hertz.settings.largest_overlap);
         self.hertz.settings.dashpots.in_packings(super::hardest(&elastic, radius, reduced_mass))
     }
 
-    /// Stiffness goes with the contact radius, which adhesion gives before there is any overlap.
+    /// Stiffness grows with the contact radius, which is positive even without overlap.
     fn stiffens(&self, overlap: f64, library: &Library) -> f64 {
         let materials: BTreeSet<MaterialId> = library.materials.iter().copied().collect();
         let growth = library.extremes().flat_map(|(shape, scale)| {
@@ -265,7 +267,7 @@ impl Model for Jkr {
     const FACES: bool = false;
     const TEARS: bool = true;
 
-    /// Energy is lost whenever bodies meet or leave.
+    /// Velocities are needed because energy is lost whenever contacts begin or end.
     fn needs(&self) -> Needs {
         Needs { velocity: true, adhesion: true, ..self.hertz.needs() }
     }
@@ -321,7 +323,7 @@ impl Model for Jkr {
         }
     }
 
-    /// The energy of a contact that begins at an overlap of 0 is less than nothing, that of one at its end more.
+    /// A contact that begins at an overlap of 0 has a negative energy, one that ends a positive energy.
     #[inline(always)]
     fn torn<L: Lanes>(&self, constants: &Constants<L>) -> [L; 2] {
         let Constants { elastic, sticking } = constants;
@@ -356,7 +358,7 @@ impl Model for Jkr {
             let force = self.hertz.tangential(state);
             let carried = carried(force, contact);
             let limiting = press + L::all(3.0) * sticking.work * sticking.radius;
-            // Contacts begin with the radius that adhesion gives them.
+            // A new contact has the radius `a_0`.
             let last = state[width - 1].or(sticking.size, contact.touched);
             let before = Before { carried, force, radius: Some(last) };
             let (force, stretched, left) =
@@ -389,7 +391,7 @@ impl Model for Jkr {
         sticking.press(elastic.normal, sticking.contact_radius(overlap))
     }
 
-    /// `dN/dδ` is at most `2 E* a`, that of Hertz at the same radius.
+    /// `dN/dδ` is at most `2 E* a`, the value of Hertz's law at this radius.
     fn stiffness(&self, constants: &Constants<f64>, overlap: f64, dt: f64) -> f64 {
         let Constants { elastic, sticking } = constants;
         let radius = sticking.contact_radius(overlap);

@@ -2,37 +2,40 @@
 //! 10.1115/1.4009973).
 //!
 //! Normal: `N = 4/3 E* √R* δ^(3/2) + γ_n δ̇`, by default never attractive, with `γ_n = 2 √(5/6) β √(S m*)` and
-//! `S = 2 E* √(R* δ)`. In `y = δ^(5/4)` and the time `∫ δ^(1/4) dt` that is the linear oscillator of damping ratio `β`
-//! (Antypov and Elliott 2011, DOI 10.1209/0295-5075/94/50004), and the force is zero where that of the linear one is. So
-//! [`super::linear::damping_ratio_of_restitution`] holds for it as it stands, with the attraction cut off or not.
+//! `S = 2 E* √(R* δ)`. In `y = δ^(5/4)` and the time `∫ δ^(1/4) dt` this is the linear oscillator of damping ratio `β`
+//! (Antypov and Elliott 2011, DOI 10.1209/0295-5075/94/50004). Both forces are zero at the same place. So
+//! [`super::linear::damping_ratio_of_restitution`] holds unchanged, with the attraction cut off or not.
 //!
-//! Tangential: what is remembered is the elastic force `T`, which grows by `k_t du` with `k_t = 8 G* √(R* δ)`. Where the
-//! contact unloads it shrinks with `k_t`, or energy would come from nowhere (Thornton, Cummins, Cleary 2013, DOI
+//! Tangential: the state is the elastic force `T`, which grows by `k_t du` with `k_t = 8 G* √(R* δ)`. Where the contact
+//! unloads it shrinks with `k_t`, so that no energy is created (Thornton, Cummins, Cleary 2013, DOI
 //! 10.1016/j.powtec.2012.08.012). Beyond Coulomb's limit the force is cut to `μ N`, and `T` to the limit less the dashpot
-//! `2 √(5/6) β √(k_t m*)` (Luding 2008, DOI 10.1007/s10035-008-0099-x, section 2.4). The energy in it is `T² / (2 k_t)`.
+//! `2 √(5/6) β √(k_t m*)` (Luding 2008, DOI 10.1007/s10035-008-0099-x, section 2.4). Its energy is `T² / (2 k_t)`.
 //!
-//! # Other bodies than spheres
+//! # Bodies other than spheres
 //!
-//! `√R*` of spheres follows from their radii; walls count as planes, their edges and corners too. Where a particle is no sphere it is
-//! that of the contact as the bodies stand now, from the curvature of both surfaces: `N = 4/3 E* √Re (δ/F2)^(3/2)`, exact for
-//! contacts that are ellipses, see [`crate::contact::curvature`]. All else stays as it is, with `√R = √Re F2^(-3/2)` in place of
-//! `√R*`: the dashpots keep their restitution, and the contact radius `a = √(R δ)` is that of `dN/dδ = 2 E* a`.
+//! `√R*` of spheres follows from their radii; walls count as planes, their edges and corners too. If a particle is not a
+//! sphere, `√R*` is that of the contact in the present pose, from the curvature of both surfaces:
+//! `N = 4/3 E* √Re (δ/F2)^(3/2)`. This is exact for elliptical contacts, see [`crate::contact::curvature`]. The rest is
+//! unchanged, with `√R = √Re F2^(-3/2)` in place of `√R*`: the dashpots keep their restitution, and the contact radius
+//! `a = √(R δ)` is that of `dN/dδ = 2 E* a`.
 //!
-//! The tangential stiffness is `8 G* a` with that `a`, the same in all directions. Without slip, a force along the longer axis of
-//! an ellipse meets the compliance `((1 - ν) K + ν (K - E)/e²) / (2π a' G)` on each side, along the shorter one `(K - ν (K - E)/e²) /
-//! (2π a' G)`, with the complete elliptic integrals `K`, `E` of the ellipse's eccentricity `e` and its longer semi-axis `a'` (Mindlin
-//! 1949). Their mean is that of a circle of radius `π a' / (2 K)`, which is `a`, whatever `ν`: the choice is the exact mean
-//! over the directions. The axes differ from it by `ν (2 (K - E)/e² - K) / ((2 - ν) K)`: with `ν = 0.3` 3.9 % at `R'/R''` = 4, 6 % at 10,
-//! less than the 21 % by which Mindlin's own tangent stiffness, `(1 - T/μN)^(1/3)` of the first, falls on the way to half of Coulomb's limit. `8 G* √(a' b')`, which is used
-//! elsewhere, is 5 % softer at 4 than this mean and 13 % at 10.
+//! The tangential stiffness is `8 G* a` with this `a` in all directions. Without slip, the compliance of each side under a
+//! force along the longer axis of an ellipse is `((1 - ν) K + ν (K - E)/e²) / (2π a' G)`, along the shorter one
+//! `(K - ν (K - E)/e²) / (2π a' G)`. `K` and `E` are the complete elliptic integrals of the ellipse's eccentricity `e`, and
+//! `a'` is its longer semi-axis (Mindlin 1949). Their mean is that of a circle of radius `π a' / (2 K)`, which is `a`, for
+//! any `ν`: the choice is the exact mean over the directions. The axes differ from it by
+//! `ν (2 (K - E)/e² - K) / ((2 - ν) K)`: with `ν = 0.3` by 3.9 % at `R'/R''` = 4 and by 6 % at 10. Mindlin's own tangent
+//! stiffness, `(1 - T/μN)^(1/3)` of the first, falls by 21 % on the way to half of Coulomb's limit. `8 G* √(a' b')`, which
+//! is used elsewhere, is 5 % softer at 4 than this mean and 13 % at 10.
 //!
-//! What is remembered is `a` beside the force, for the energies and the shrinking of `T`.
+//! The state has `a` beside the force, for the energies and the shrinking of `T`.
 //!
 //! # Bodies with faces and straight sides
 //!
-//! They have no curvature to go by: along a side it is 0, at a corner infinite. In a scene with such bodies all but spheres count as
-//! spheres of their volume, wherever they touch, with the thickness of what two bodies share as the overlap, whose energy has no jumps
-//! ([`crate::contact::thickness`]). That is a choice of stiffness, as with springs, and no solution of elasticity.
+//! They have no usable curvature: along a side it is 0, at a corner infinite. In a scene with such bodies all but spheres
+//! count as spheres of their volume, wherever they touch. The overlap is the thickness of the region that two bodies share,
+//! whose energy has no jumps ([`crate::contact::thickness`]). This is a choice of stiffness, as with springs, and no
+//! solution of elasticity.
 
 #![expect(clippy::inline_always, reason = "see `lanes`")]
 
@@ -57,26 +60,28 @@ use std::f64::consts::PI;
 /// Constants of every pair of materials.
 pub type Interactions = super::Interactions<Constants>;
 
-/// The overlap over the radius up to which a stress [Pa] presses pairs of grains, but for few [-], `(26 p / E*)^(2/3)`.
+/// Overlap over the radius [-] that a stress [Pa] causes at most in all but few contacts, `(26 p / E*)^(2/3)`.
 ///
-/// Six contacts of each of equal spheres at a solid fraction of 0.6 bear `p` with a force of `3.5 p R²` on average (Rumpf 1958).
-/// Seven times that is rarely passed, for large forces fall off exponentially; Hertz' law has its overlap.
+/// With six contacts per particle and a solid fraction of 0.6, equal spheres carry `p` with a mean force of `3.5 p R²`
+/// (Rumpf 1958). Forces above seven times the mean are rare, because large forces fall off exponentially. Hertz's law gives
+/// the overlap at that force.
 #[must_use]
 pub fn overlap_under(stress: f64, constants: &Constants) -> f64 {
     let mean_force = 4.0 * PI / (6.0 * 0.6);
-    // Of two spheres of radius 1.
+    // For two spheres of radius 1.
     let stiffness = 4.0 / 3.0 * constants.modulus * 0.5_f64.sqrt();
     libm::pow(7.0 * mean_force * stress / stiffness, 2.0 / 3.0)
 }
 
-/// What a scene says of this law.
+/// Settings of this law in a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Constants of every pair of materials.
     pub interactions: Interactions,
-    /// How dashpots act.
+    /// Options of dashpots.
     pub dashpots: Dashpots,
-    /// The overlap that the time step is made for, over the radius of the smaller body, or that of the largest sphere in it about its centre [-].
+    /// Largest overlap that the time step allows for [-], over the radius of the smaller body, or of the largest sphere in
+    /// it about its centre.
     pub largest_overlap: f64,
 }
 
@@ -95,26 +100,28 @@ pub(super) struct Hertz {
     damped: bool,
     /// Does any contact feel tangential motion?
     frictional: bool,
-    /// Does it go by the curvature of bodies? Not of spheres, and not in a scene of bodies that have faces or straight sides.
+    /// Does it depend on the curvature of bodies? Not for spheres, and not in a scene of bodies with faces or straight
+    /// sides.
     curved: bool,
-    /// Of each shape, the radius with which it counts where it does not go by curvature; infinite of walls [m].
+    /// Radius of each shape where curvature is not used [m]; infinite for walls.
     radii: Vec<f64>,
-    /// Where it departs from its formulas.
+    /// Ranges in which it departs from its formulas.
     limits: Vec<String>,
-    /// Of each shape, the radius of its flattest contact with a plane at an overlap of the radius of the largest sphere in it about its centre [m].
+    /// Radius of the flattest contact of each shape with a plane [m], at an overlap equal to the radius of the largest
+    /// sphere in it about its centre.
     widest: Vec<f64>,
     state: Vec<StateColumn>,
 }
 
-/// Elastic tangential force of A on B: where there is friction.
+/// Elastic tangential force of A on B, if there is friction.
 const TANGENTIAL_FORCE: StateColumn = StateColumn::new("tangential_force", 3, "N");
-/// Normal force of the last touch: where there are dashpots. Without them it follows from the overlap.
+/// Normal force of the last touch, if there are dashpots. Without them it follows from the overlap.
 const NORMAL_FORCE: StateColumn = StateColumn::new("normal_force", 1, "N");
 
-/// Radius `a` of the last touch, with `dN/dδ = 2 E* a`: where the curvature of bodies is not that of spheres.
+/// Radius `a` of the last touch, with `dN/dδ = 2 E* a`, if the law depends on curvature.
 const CONTACT_RADIUS: StateColumn = StateColumn::new("contact_radius", 1, "m");
 
-/// Dashpots grow with this power of the overlap.
+/// Power of the overlap with which dashpots grow.
 const RISE: f64 = 0.25;
 
 /// `2 √(5/6)`.
@@ -122,7 +129,7 @@ fn dashpot_factor() -> f64 {
     2.0 * (5.0_f64 / 6.0).sqrt()
 }
 
-/// What a contact has at an overlap of 1 m.
+/// Constants of a contact at an overlap of 1 m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Elastic<L> {
     /// Normal force, `4/3 E* √R*` [N/m^(3/2)].
@@ -133,14 +140,14 @@ pub(super) struct Elastic<L> {
     friction: L,
     /// Normal and tangential dashpots [N s/m^(5/4)].
     dashpots: [L; 2],
-    /// `√R`, of contacts by curvature; 1 until it is known [√m].
+    /// `√R` of contacts by curvature; 1 until it is known [√m].
     root_of_radius: L,
-    /// Of both bodies [1/kg].
+    /// Inverse reduced mass [1/kg].
     inverse_mass: L,
 }
 
 impl Elastic<f64> {
-    /// Of these constants at a root of the radius [√m], for a reduced mass [kg].
+    /// Constants at a root of the radius [√m], for a reduced mass [kg].
     fn of(constants: &Constants, root_of_radius: f64, mass: f64) -> Self {
         let normal = 4.0 / 3.0 * constants.modulus * root_of_radius;
         let tangential = 8.0 * constants.shear_modulus * root_of_radius;
@@ -158,14 +165,14 @@ impl Elastic<f64> {
 }
 
 impl<L: Lanes> Elastic<L> {
-    /// Which of them feel tangential motion.
+    /// Contacts that feel tangential motion, as bits of lanes.
     #[inline(always)]
     fn frictional(&self) -> u8 {
         L::all(0.0).less(self.friction)
     }
 
-    /// Elastic energy in the normal and the tangential direction [J]. `root` is that of the overlap; or, of contacts by curvature,
-    /// the contact radius with constants for a root of the radius of 1.
+    /// Elastic energy in the normal and the tangential direction [J]. `root` is the root of the overlap. For constants at a
+    /// root of the radius of 1 it is the contact radius, as for contacts by curvature.
     #[inline(always)]
     fn stored(&self, overlap: L, root: L, tangential: Triple<L>) -> [L; 2] {
         let zero = L::all(0.0);
@@ -214,13 +221,13 @@ impl Hertz {
         Self { settings, damped, frictional, curved, radii, limits, widest, state }
     }
 
-    /// The normal force that is remembered [N].
+    /// Remembered normal force [N].
     #[inline(always)]
     fn pressed<L: Lanes>(&self, state: &[L]) -> L {
         state[state.len() - if self.curved { 2 } else { 1 }]
     }
 
-    /// The elastic tangential force that is remembered [N].
+    /// Remembered elastic tangential force [N].
     #[inline(always)]
     fn tangential<L: Lanes>(&self, state: &[L]) -> Triple<L> {
         if self.frictional {
@@ -230,7 +237,7 @@ impl Hertz {
         }
     }
 
-    /// Force along the normal [N]; `root` is that of the overlap, `state` of the last step.
+    /// Normal force [N]; `root` is the root of the overlap, `state` that of the last step.
     #[inline(always)]
     fn press<L: Lanes>(
         &self,
@@ -252,8 +259,7 @@ impl Hertz {
         force
     }
 
-    /// The tangential force of A on B, and the elastic part of it [N]. The third is what Coulomb's limit
-    /// leaves.
+    /// Tangential force of A on B [N], its elastic part [N], and the parts that Coulomb's limit leaves.
     #[inline(always)]
     fn rub<L: Lanes>(
         &self,
@@ -264,7 +270,8 @@ impl Hertz {
     ) -> (Triple<L>, Triple<L>, Kept<L>) {
         let (zero, one) = (L::all(0.0), L::all(1.0));
         let stiffness = elastic.tangential * root;
-        // Where the contact shrinks the stretch stays, where it grows the force does: the mean radius on the way makes the rest.
+        // Where the contact shrinks the stretch stays, where it grows the force stays. New stretch counts with the mean
+        // radius over the step.
         let radius = elastic.root_of_radius * root;
         let last = match last_radius {
             Some(radius) => radius,
@@ -297,18 +304,18 @@ impl Hertz {
     }
 }
 
-/// What a contact remembers in its plane.
+/// Tangential state of a contact at the last step.
 #[derive(Clone, Copy)]
 struct Before<L> {
-    /// The elastic force, carried into the plane of now [N].
+    /// Elastic force, carried into the present contact plane [N].
     carried: Triple<L>,
-    /// The same where it was [N].
+    /// Elastic force in the last contact plane [N].
     force: Triple<L>,
-    /// The contact radius [m]; `None` if it follows from the overlap.
+    /// Contact radius [m]; `None` if it follows from the overlap.
     radius: Option<L>,
 }
 
-/// Of a shape with its bounding radius [m], see [`Hertz::radii`].
+/// Radius of a shape with its bounding radius [m], see [`Hertz::radii`].
 fn radius((shape, bounding): (&Shape, &f64)) -> f64 {
     if shape.kind() == Kind::Sphere || shape.kind().is_of_walls() {
         return *bounding;
@@ -316,7 +323,7 @@ fn radius((shape, bounding): (&Shape, &f64)) -> f64 {
     libm::cbrt(3.0 * shape.volume() / (4.0 * PI))
 }
 
-/// Of a shape that may count as a sphere of this radius [m], see [`Hertz::widest`]; nothing of walls.
+/// Value of [`Hertz::widest`] for a shape that may count as a sphere of this radius [m]; 0 for walls.
 fn widest_of(shape: &Shape, radius: f64) -> f64 {
     let root_of_radius = match shape {
         Shape::Sphere(sphere) => return sphere.radius,
@@ -327,22 +334,22 @@ fn widest_of(shape: &Shape, radius: f64) -> f64 {
     root_of_radius * shape.inscribed_radius().sqrt()
 }
 
-/// The mean of `√δ` over its last value while `δ` grows evenly and `√δ` by a part of its last value: exact from 0 on, and to third
-/// order in that part.
+/// Mean of `√δ` over its last value, while `δ` grows evenly and `√δ` by the given part of its last value. Exact from 0 on,
+/// and to third order in that part.
 #[inline(always)]
 pub(crate) fn mean_while_growing<L: Lanes>(part: L) -> L {
     let one = L::all(1.0);
     one - part * (L::all(0.5) - part * (one + part) * L::all(1.0 / 12.0))
 }
 
-/// The root of what may be 0 or less, where it is 0.
+/// Square root; 0 for negative numbers.
 #[inline(always)]
 fn root<L: Lanes>(overlap: L) -> L {
     let zero = L::all(0.0);
     overlap.or(zero, zero.less(overlap)).sqrt()
 }
 
-/// The hardest contact with these constants and a contact radius [m].
+/// Hardest contact with these constants and a contact radius [m].
 fn hardest(constants: &Constants, size: f64, reduced_mass: f64) -> Hardest {
     let normal = 2.0 * constants.modulus * size;
     let tangential =
@@ -357,7 +364,7 @@ impl About for Hertz {
         if self.frictional { "hertz-mindlin" } else { "hertz" }
     }
 
-    /// On a plane where it is the flattest, at the largest overlap that is expected.
+    /// The contact with a plane where the body is flattest, at the largest overlap.
     fn hardest(&self, body: &Body, other: MaterialId, reduced_mass: f64) -> Hardest {
         let constants = self.settings.interactions.of(body.material, other);
         let widest = self.widest[body.shape.index()] * body.scale;
@@ -501,7 +508,7 @@ impl Model for Hertz {
             let radius = if self.curved { Some(state[state.len() - 1]) } else { None };
             let before = Before { carried, force: last, radius };
             let (force, stretched, left) = self.rub(elastic, contact, (root, press), before);
-            // At the start of a stage no time has passed: what is elastic stays as it was.
+            // No time has passed at the start of a stage, so the elastic force stays unchanged.
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = force.or(zero, frictional);

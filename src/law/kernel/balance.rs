@@ -1,34 +1,36 @@
-//! The balance of a contact between two steps: it loses the work of what acts in it, less what is stored of that.
+//! Energy balance of a contact between two steps: it loses the work of its forces minus the energy that they store.
 
 use crate::lanes::Lanes;
 use crate::law::Lost;
 
-/// Powers of what acts on both bodies, at the last step and now together [W]. In a contact that has ended nothing acts now.
+/// Powers of the forces on both bodies, summed over the last step and now [W]. In a contact that has ended only those of
+/// the last step count.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Powers<L> {
-    /// Along the normal.
+    /// Power of normal forces.
     pub(super) pressing: L,
-    /// In the plane, and about the normal where bodies touch with an extent.
+    /// Power of tangential forces, and of torsion where bodies touch with an extent.
     pub(super) rubbing: L,
-    /// Of the moment of a model that has one.
+    /// Power of the moment of a model with moments.
     pub(super) turning: Option<L>,
-    /// Of tangential dashpots, where there are any: the part of `rubbing` that is not friction's, 0 where friction is at its limit.
+    /// Power of tangential dashpots, if there are any: the part of `rubbing` that is not friction's; 0 where friction is at
+    /// its limit.
     pub(super) damping: Option<L>,
 }
 
 /// Elastic energies [J].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stored<L> {
-    /// Of what presses; 0 where that is dashpots alone.
+    /// Energy of normal forces; 0 where `pressing` counts dashpots alone.
     pub(super) pressing: L,
-    /// In the plane, about the normal and by moments.
+    /// Energy of tangential forces, torsion and moments.
     pub(super) rubbing: L,
-    /// The part of moments.
+    /// Part of moments.
     pub(super) turning: L,
 }
 
 impl<L: Lanes> Stored<L> {
-    /// Of an action, see [`super::Action::stored`].
+    /// Energies of an action, see [`super::Action::stored`].
     #[inline(always)]
     pub(super) fn of([pressing, rubbing]: [L; 2], turning: L) -> Self {
         Self { pressing, rubbing, turning }
@@ -50,7 +52,7 @@ impl<L: Lanes> Lost<L> {
 }
 
 impl<L: Lanes> Powers<L> {
-    /// Loss over half a step [s] with the powers of both, where contacts can dissipate along the normal, and beside it.
+    /// Losses over half a step [s], for contacts that can dissipate along the normal, and otherwise.
     #[inline(always)]
     pub(super) fn balance(
         self,
@@ -80,7 +82,7 @@ impl<L: Lanes> Powers<L> {
 }
 
 impl Powers<f64> {
-    /// Of both moments together.
+    /// Sums of both.
     pub(super) fn and(self, other: Self) -> Self {
         let both = |a: Option<f64>, b: Option<f64>| Some(a? + b?);
         Self {

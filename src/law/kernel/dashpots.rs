@@ -1,34 +1,36 @@
-//! Dashpots that foresee.
+//! Dashpots with predicted velocities.
 //!
-//! Forces belong to positions, and velocities `v` are those of half a step `h` before: a dashpot `c` that feels them is of first order in
-//! the step. By choice it feels what `v` is foreseen to be at the positions, `v + e` ([`dem_grains::motion::ahead`]). In `e` the contact's own
-//! force `F` is that of earlier steps. It goes out for the force of now, which is solved for:
+//! Forces belong to positions, and velocities `v` to half a step `h` before: a dashpot `c` on these is of first order in
+//! the step. Optionally it uses the velocity predicted for the time of the positions, `v + e`
+//! ([`dem_grains::motion::ahead`]). In `e` the contact's own force `F` is that of earlier steps. It is replaced by the
+//! present force, which is solved for:
 //!
 //! `F = k δ + c (v + e + r F' - r F)`, `r = h/m`,
 //!
-//! with the last force `F'`. Any `r` is of second order. In the contact plane it is 7/2 of that along the normal, as of spheres.
-//! Without `e` and `F'` a contact at rest would press by `1/(1 + c r)` of its spring alone.
+//! with the last force `F'`. Any `r` is of second order. In the contact plane `r` is 7/2 of that along the normal, as for
+//! spheres. Without `e` and `F'` a contact at rest would press with only `1/(1 + c r)` of its spring force.
 //!
-//! With the part `s` of what resists a motion in each contact's own force, the stable step has `ω² Δt² + (3.1 - 4 s) γ Δt <= 4`. Where forces
-//! feel the velocity of half a step before it has `ω² Δt² + 2 γ Δt <= 4`.
+//! Let `s` be the part of each contact's own force in the resistance to a motion. Then the stable step has
+//! `ω² Δt² + (3.1 - 4 s) γ Δt <= 4`. With velocities of half a step before it has `ω² Δt² + 2 γ Δt <= 4`.
 //!
-//! A contact begins between two steps. Its first force acts from then on until half a step after the positions: for `s + 1/2` of a step.
-//! A dashpot that has grown with the power `p` of the time counts `s/(1 + p) + 1/2`.
+//! A contact begins between two steps. Its first force acts from then on until half a step after the positions: for
+//! `s + 1/2` of a step, where `s` is the part of the step in contact. A dashpot that has grown with the power `p` of the
+//! time counts `s/(1 + p) + 1/2`.
 
 use super::{Contact, Dashpots, Hardest};
 use crate::lanes::{Lanes, Triple};
 
-/// Acceleration of two surfaces in the plane over the force between them and `1/m`, of spheres [-].
+/// Acceleration of two spheres' surfaces in the contact plane over the force between them and `1/m` [-].
 const IN_PLANE: f64 = 3.5;
 
 impl Dashpots {
-    /// The last force, if it is in what is foreseen.
+    /// The last force, if velocities are predicted.
     #[inline(always)]
     pub(in super::super) fn last<L: Lanes>(self, force: L) -> Option<L> {
         if self.foreseen { Some(force) } else { None }
     }
 
-    /// The last force in the contact plane, with this elastic part [N], if it is in what is foreseen.
+    /// The last tangential force with this elastic part [N], if velocities are predicted.
     #[inline(always)]
     pub(in super::super) fn last_in_plane<L: Lanes>(
         self,
@@ -38,7 +40,7 @@ impl Dashpots {
         if self.foreseen { Some(elastic.plus(contact.last_viscous)) } else { None }
     }
 
-    /// A contact as it counts in the stable step of packings.
+    /// Constants of a contact as they count in the stable step of packings.
     pub(in super::super) const fn in_packings(self, mut hardest: Hardest) -> Hardest {
         if self.foreseen {
             hardest.dashpots[1] *= 1.2;
@@ -48,13 +50,14 @@ impl Dashpots {
 }
 
 impl<L: Lanes> Contact<L> {
-    /// `r` of a reduced mass `m`, given `1/m` [1/kg]: [s/kg].
+    /// `r` of a reduced mass `m` [s/kg], given `1/m` [1/kg].
     #[inline(always)]
     fn own(&self, inverse_mass: L) -> L {
         L::all(0.5 * self.dt) * inverse_mass
     }
 
-    /// A dashpot as it counts where contacts have begun since the last step [N s/m], where it grows with this power of the overlap.
+    /// Dashpot [N s/m] with the weight of contacts that have begun since the last step; `power` is that of the overlap with
+    /// which it grows.
     #[inline(always)]
     fn timely(&self, dashpot: L, power: f64) -> L {
         if self.begun == 0 {
@@ -64,8 +67,9 @@ impl<L: Lanes> Contact<L> {
         (dashpot * weight).or(dashpot, self.begun)
     }
 
-    /// The force along the normal [N] of a spring with the force `elastic` [N] and a dashpot [N s/m]. Where velocities are foreseen `last`
-    /// is the force of the last step [N]. `inverse_mass` is that of both bodies [1/kg]. The dashpot grows with a power of the overlap.
+    /// Normal force [N] of a spring with the force `elastic` [N] and a dashpot [N s/m] that grows with a power of the
+    /// overlap. `last` is the force of the last step [N], if velocities are predicted. `inverse_mass` is that of both
+    /// bodies [1/kg].
     #[inline(always)]
     pub fn damped(
         &self,
@@ -81,19 +85,19 @@ impl<L: Lanes> Contact<L> {
     }
 }
 
-/// A dashpot in the contact plane, beside a spring and under friction's limit.
+/// Dashpot in the contact plane, for use beside a spring and under friction's limit.
 #[derive(Clone, Copy)]
 pub struct InPlane<L> {
-    /// [N s/m]
+    /// Dashpot [N s/m].
     dashpot: L,
-    /// What it feels but for the force of the contact itself [m/s].
+    /// Velocity that it acts on, without the effect of the contact's own force [m/s].
     velocity: Triple<L>,
-    /// What a force takes of that [s/kg], where it is foreseen.
+    /// Decrease of that velocity per force of the contact [s/kg], if velocities are predicted.
     own: Option<L>,
 }
 
 impl<L: Lanes> InPlane<L> {
-    /// Of a contact with this last force in the plane [N], see [`Contact::damped`].
+    /// Dashpot of a contact with this last tangential force [N], see [`Contact::damped`].
     #[inline(always)]
     pub fn of(
         contact: &Contact<L>,
@@ -110,7 +114,7 @@ impl<L: Lanes> InPlane<L> {
         Self { dashpot: contact.timely(dashpot, power), velocity, own: Some(own) }
     }
 
-    /// The force with that of a spring, without a limit [N].
+    /// Force of spring and dashpot together, without a limit [N].
     #[inline(always)]
     pub fn beside(&self, spring: Triple<L>) -> Triple<L> {
         let both = spring.plus(self.velocity.times(self.dashpot));
@@ -120,7 +124,7 @@ impl<L: Lanes> InPlane<L> {
         }
     }
 
-    /// The part of the dashpot where both together are this force [N].
+    /// Part of the dashpot, if spring and dashpot together give this force [N].
     #[inline(always)]
     pub fn part_of(&self, force: Triple<L>) -> Triple<L> {
         let velocity = match self.own {

@@ -1,27 +1,29 @@
 //! Contacts in scenes that have bodies with faces or straight sides.
 //!
-//! Contacts of two polyhedra, of two spherocylinders, or of one of them and a plane, have a patch. They are found one after the other. The others are found
-//! eight at a time, picked from a window of the list, whatever stands between them. Then all contacts of the window are summed
-//! in their order. A contact gets the same bits in any company; force and springs of one without a patch have the bits that they
-//! have in scenes without faces.
+//! Contacts of two polyhedra, of two spherocylinders, or of one of them and a plane, have a patch. They are found one after
+//! the other. The other contacts are found eight at a time, picked from a window of the list. Then all contacts of the
+//! window are summed in their order. The bits of a contact do not depend on the other contacts. Without a patch, its force
+//! and springs have the same bits as in scenes without faces.
 //!
 //! A face presses in an area. The normal force is the model's at the overlap `D`, times the gain `g = |grad D|`, so that
-//! its energy is still the model's at `D` ([`crate::contact::thickness`]). Beside it act
+//! its energy is still the model's at `D` ([`crate::contact::thickness`]). In addition there act
 //!
 //! - the elastic couple about the normal, the rest of the gradient;
-//! - the moment of the dashpot spread over the patch, `c g n × [C (n × ω)]` on A with the covariance `C` of what both bodies
-//!   hold and `ω = ω_A - ω_B`: it dissipates rocking, and nothing where the patch is a point or about the line of an edge;
+//! - the moment of the normal dashpot spread over the patch, `c g n × [C (n × ω)]` on A, with the covariance `C` of the
+//!   patch and `ω = ω_A - ω_B`. It dissipates rocking. It is zero for a point, and about the line of an edge;
 //! - the moment of a model that has one;
 //! - torsion: a spring `φ` [m] with `dφ = a ω·n dt`, its stretch at a distance `a` from the axis, with the constants of the
-//!   tangential spring and Coulomb's limit. Its moment is `a` times its force. When `a` changes, `φ` and its energy stay. Where its
-//!   stiffness grows with the overlap the force stays, and where it falls `φ` does, as of the force in the plane: no energy is made.
+//!   tangential spring and Coulomb's limit. Its moment is `a` times its force. When `a` changes, `φ` and its energy stay.
+//!   Where its stiffness grows with the overlap the force stays, and where it falls `φ` stays, as for the tangential
+//!   spring. So no energy is created.
 //!
-//! `a` is the mean distance of the points of the patch from the normal, where even pressure has friction in each
-//! ([`crate::contact::Patch::mean_distance`]). Friction in the plane and torsion share Coulomb's limit ([`super::within_limit`]).
+//! `a` is the mean distance of the points of the patch from the normal, for friction in each point under even pressure
+//! ([`crate::contact::Patch::mean_distance`]). Tangential friction and torsion share Coulomb's limit
+//! ([`super::within_limit`]).
 //!
-//! All forces but the elastic ones along the normal are remembered with the point where they acted, so that what is
-//! dissipated is their work: what a long step makes of the elastic ones is missing from the energy balance, and is
-//! reported. The point of a patch runs from edge to edge when a body rocks; no support point could stand for it.
+//! All forces except the elastic normal force and couple are remembered with the point where they acted, so that
+//! dissipation is exactly their work. The integration error of the elastic ones appears in the energy error of the report.
+//! The point must be remembered because it runs from edge to edge when a body rocks; no support point could replace it.
 
 use super::balance::{Powers, Stored};
 use super::{
@@ -34,7 +36,7 @@ use crate::lanes::{Eight, Gather, Kernel, Row, RowPairs, Triple, WIDTH};
 use crate::law::hertz::mean_while_growing;
 use crate::math::Vec3;
 
-/// What is remembered behind the numbers of the model.
+/// State columns after those of the model.
 pub(super) const REMEMBERED: [StateColumn; 5] = [
     CONTACT_POINT,
     StateColumn::new("dissipative_force", 3, "N"),
@@ -43,35 +45,35 @@ pub(super) const REMEMBERED: [StateColumn; 5] = [
     StateColumn::new("torsion", 1, "m"),
 ];
 
-/// Constants of what resists turning on a patch.
+/// Constants of the resistance to turning on a patch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Turning {
     /// Normal dashpot [N s/m].
     pub normal_dashpot: f64,
-    /// Tangential stiffness; 0 without friction [N/m].
+    /// Tangential stiffness [N/m]; 0 without friction.
     pub tangential_stiffness: f64,
-    /// Tangential dashpot; 0 without friction [N s/m].
+    /// Tangential dashpot [N s/m]; 0 without friction.
     pub tangential_dashpot: f64,
     /// Coefficient of friction [-].
     pub friction: f64,
 }
 
 impl Turning {
-    /// The part of the stretch that is kept when these constants become others [-].
+    /// Part of the stretch that stays when these constants change to `now` [-].
     fn kept(&self, now: &Self) -> f64 {
         let (last, now) = (self.tangential_stiffness, now.tangential_stiffness);
         if last < now { last / now } else { 1.0 }
     }
 }
 
-/// The same numbers in words.
+/// Values of `REMEMBERED` by name.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Memory {
-    /// Where the forces acted, seen from the centre of A [m].
+    /// Point where the forces acted, from the centre of A [m].
     point: Vec3,
-    /// Dashpots and friction, on B [N].
+    /// Force of dashpots and friction on B [N].
     force: Vec3,
-    /// Of dashpots and torsion, on B about the point [N m].
+    /// Moment of dashpots, torsion and the model on B about the point [N m].
     moment: Vec3,
     /// Normal force [N].
     pub(super) press: f64,
@@ -80,10 +82,10 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// How many numbers.
+    /// Number of values.
     pub(super) const WIDTH: usize = 11;
 
-    /// From numbers; nothing from none.
+    /// Reads the values; all zero if there are none.
     pub(super) fn read(numbers: &[f64]) -> Self {
         let Ok(&[a, b, c, d, e, f, g, h, i, press, torsion]) =
             <&[f64; Self::WIDTH]>::try_from(numbers)
@@ -107,7 +109,8 @@ impl Memory {
         0.5 * turning.tangential_stiffness * self.torsion * self.torsion
     }
 
-    /// At a normal, with the moment of the model in it and what of the force is that of tangential dashpots, when it acted.
+    /// Powers of the remembered forces at a normal, when they acted. `of_model` is the model's part of the moment,
+    /// `viscous` the part of tangential dashpots in the force.
     fn powers(
         &self,
         normal: &Vec3,
@@ -127,38 +130,38 @@ impl Memory {
         }
     }
 
-    /// The tangential force on B, for the normal at which it acted [N].
+    /// Tangential force on B, for the normal at which it acted [N].
     fn in_plane(&self, normal: &Vec3) -> Vec3 {
         self.force - normal * self.force.dot(normal)
     }
 
-    /// All of the force on B, for the normal at which it acted [N].
+    /// Whole force on B, for the normal at which it acted [N].
     fn total_force(&self, normal: &Vec3) -> Vec3 {
         normal * (self.press - self.force.dot(normal)) + self.force
     }
 }
 
-/// Where nothing is foreseen.
+/// Gains of velocities without prediction.
 const NO_GAINS: [[Vec3; 2]; 2] = [[Vec3::new(0.0, 0.0, 0.0); 2]; 2];
 
-/// How two bodies move, and where they are.
+/// Positions and motion of two bodies.
 struct Motion {
     /// From the centre of A to that of B, now and at the last step [m].
     r: [Vec3; 2],
-    /// Of the centres of A and B [m/s].
+    /// Velocities of the centres of A and B [m/s].
     velocity: [Vec3; 2],
-    /// [rad/s]
+    /// Angular velocities [rad/s].
     spin: [Vec3; 2],
-    /// Foreseen gains of `velocity` [m/s] and `spin` [rad/s] of each.
+    /// Predicted gains of `velocity` [m/s] and `spin` [rad/s] of each.
     ahead: [[Vec3; 2]; 2],
-    /// Of the surface of B against B in the plane of the contact, now and at the last step, if B is a belt [m/s].
+    /// Velocity of the surface of B against B in the contact plane, now and at the last step, if B is a belt [m/s].
     belt: [Vec3; 2],
     /// Is B a wall?
     with_wall: bool,
 }
 
 impl Motion {
-    /// With the normals of now and of the last step.
+    /// Motion of a pair, with the present and the last normal.
     fn of(pair: Pair, particles: &Particles, dt: f64, normals: [&Vec3; 2]) -> Self {
         let r = particles.bodies().relative(pair);
         let bodies = [pair.a, pair.b].map(Slot::index);
@@ -172,7 +175,7 @@ impl Motion {
         Self { r: [r, last], velocity, spin, ahead, belt, with_wall }
     }
 
-    /// Where nobody asks for velocities.
+    /// No motion, for laws that need no velocities.
     fn none(pair: Pair, particles: &Particles) -> Self {
         let r = particles.bodies().relative(pair);
         let zeros = [Vec3::zeros(); 2];
@@ -192,7 +195,7 @@ impl Motion {
         around.cross(&(self.velocity[0] - self.velocity[1])) * (0.25 * dt)
     }
 
-    /// Velocity of A's surface against B's at a point seen from the centre of A, now or at the last step [m/s].
+    /// Velocity of A's surface against B's at a point from the centre of A, now or at the last step [m/s].
     fn at(&self, point: &Vec3, when: usize) -> Vec3 {
         let of_a = self.velocity[0] + self.spin[0].cross(point);
         let of_b = self.velocity[1] + self.belt[when];
@@ -204,7 +207,7 @@ impl Motion {
         self.spin[0] - self.spin[1]
     }
 
-    /// Work on B of what acted at the last step until now, half of a step [J].
+    /// Work on B of one force over half a step [J], now or at the last step.
     fn work_on_b(&self, force: &Vec3, moment: &Vec3, point: &Vec3, when: usize, half: f64) -> f64 {
         let arm = point - self.r[when];
         let velocity = self.velocity[1] + self.belt[when];
@@ -230,25 +233,25 @@ impl<M: Model> Kernel for WithPatches<'_, '_, M> {
     }
 }
 
-/// So many contacts are found before they are summed: what they do stays in the nearest cache, and hardly a lane is empty.
+/// Contacts found before they are summed: few enough for the nearest cache, and enough that hardly a lane is empty.
 const WINDOW: usize = 128;
 
-/// What the contacts of a window do to their bodies.
+/// Forces, moments and losses of the contacts of a window.
 struct Window {
     /// Force on B [N], and what each body loses [J].
     forces: [[f64; 4]; WINDOW],
     /// Moments on B and A [N m], and what each body loses to friction [J].
     torques: [[[f64; 4]; 2]; WINDOW],
-    /// What each body loses in other ways [J], see [`Lost`].
+    /// Energy that each body loses in other channels [J], see [`Lost`].
     parts: [[f64; 3]; WINDOW],
     /// Work of a wall on the particle [J].
     wall_work: [f64; WINDOW],
 }
 
-/// What is remembered of eight contacts without a patch.
+/// State of eight contacts without a patch.
 #[derive(Clone, Copy)]
 struct MemoryInLanes<L> {
-    /// See [`Memory`]; nothing twists.
+    /// See [`Memory`]; there is no torsion.
     point: Triple<L>,
     force: Triple<L>,
     moment: Triple<L>,
@@ -257,25 +260,25 @@ struct MemoryInLanes<L> {
 
 /// Eight contacts without a patch.
 struct Picked<L> {
-    /// Where they stand.
+    /// Their places in the list.
     at: [usize; WIDTH],
-    /// Seen from the centre of A [m].
+    /// Contact points from the centres of A [m].
     point: Triple<L>,
     now: GeometryInLanes<L>,
     last: GeometryInLanes<L>,
     before: MemoryInLanes<L>,
 }
 
-/// What acts in one contact now.
+/// Forces and moments of one contact.
 struct Acting {
-    /// On B [N].
+    /// Force on B [N].
     force: Vec3,
-    /// On B about the contact point [N m].
+    /// Moment on B about the contact point [N m].
     moment: Vec3,
     memory: Memory,
-    /// The part of the moment that the model has made [N m].
+    /// Part of the model in the moment [N m].
     of_model: Vec3,
-    /// The part of the force of tangential dashpots [N].
+    /// Part of tangential dashpots in the force [N].
     viscous: Vec3,
     /// Is friction below its limit?
     sticks: bool,
@@ -284,7 +287,7 @@ struct Acting {
 }
 
 impl<M: Model> Contacts<'_, '_, M> {
-    /// Finds what acts in all of them, and sums it in their order.
+    /// Finds the forces of all contacts, and sums them in the order of the list.
     #[inline(always)]
     fn in_windows<L: Eight, const MOVES: bool>(&mut self) {
         let all = self.work.pairs;
@@ -297,7 +300,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         };
         for first in (0..all.len()).step_by(WINDOW) {
             let count = WINDOW.min(all.len() - first);
-            // Every place is written to both, and the next one over it: no branch to be guessed wrongly.
+            // Every place is written to both lists and kept in one: no branch to mispredict.
             let (mut points, mut faces) = ([0_u32; WINDOW + 1], [0_u32; WINDOW + 1]);
             let (mut with_point, mut with_face) = (0, 0);
             for (pair, place) in all[first..][..count].iter().zip(first as u32..) {
@@ -316,7 +319,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Finds what acts in up to eight contacts without a patch, of the window that begins at the `first`.
+    /// Finds the forces of up to eight contacts without a patch, of the window that begins at `first`.
     #[inline(always)]
     fn picked<L: Eight, const MOVES: bool>(
         &mut self,
@@ -413,7 +416,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             on_a[lane].write(&mut window.torques[place][1]);
         }
         if with_walls {
-            // As of contacts with a patch.
+            // Work as for contacts with a patch.
             let (velocity, spin) = super::velocities::<L>(particles, b);
             let along = last.normal.times(before.press - before.force.dot(last.normal));
             let last_force = along.plus(before.force);
@@ -429,7 +432,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// From the centres of A and B to contact points, those of now and of the last step, seen from A.
+    /// Arms from the centres of A and B to the contact points, now and at the last step. Points are given from A.
     #[inline(always)]
     fn arms_at<L: Eight>(
         &self,
@@ -448,8 +451,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         Arms { now: [point, point.minus(to_b)], last: [last_point, last_point.minus(last_to_b)] }
     }
 
-    /// Up to eight contacts without a patch as they are, and as they were at the last step; the other lanes repeat the first. What
-    /// the model remembers goes to `state`.
+    /// Reads up to eight contacts without a patch, now and at the last step; the other lanes repeat the first. The model's
+    /// state goes to `state`.
     #[inline(always)]
     fn read_picked<L: Eight>(&self, places: &[u32], state: &mut [L]) -> Picked<L> {
         let Self { law, work, .. } = self;
@@ -484,7 +487,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Writes what the next step must know of contacts without a patch.
+    /// Writes the new state of contacts without a patch.
     #[inline(always)]
     fn write_picked<L: Eight>(
         &mut self,
@@ -502,7 +505,7 @@ impl<M: Model> Contacts<'_, '_, M> {
                 columns[last.min(at + 2)],
                 columns[last.min(at + 3)],
             ]);
-            // What is too much is written over.
+            // Values past the row's width are overwritten later.
             self.write_fours(places, at, &block);
             at += 4;
         }
@@ -511,7 +514,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         self.write_fours(places, width, &block);
         let block = L::rows_of_4([force.y, force.z, press, press]);
         self.write_fours(places, width + 4, &block);
-        // Number by number: callgrind does not know all that compilers make of columns of zeros.
+        // Written one by one: callgrind does not know all instructions that compilers use for columns of zeros.
         let (moment, press) = (moment.store(), press.store());
         for (lane, &place) in places.iter().enumerate() {
             let row = &mut self.work.state[place * stride..][..stride];
@@ -520,7 +523,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Four numbers of the rows of some contacts.
+    /// Writes four values to the rows of some contacts.
     #[inline(always)]
     fn write_fours<R: Row>(&mut self, places: &[usize], at: usize, fours: &[R; WIDTH]) {
         let stride = self.law.stride;
@@ -530,8 +533,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Adds what the contacts of a window do to their bodies, in their order, with what contacts lost that have separated in
-    /// between.
+    /// Adds the forces, moments and losses of a window's contacts to their bodies, in the order of the list. Losses of
+    /// contacts that have separated come in between.
     #[inline(always)]
     fn sum_window(&mut self, first: usize, count: usize, window: &Window) {
         let Window { forces, torques, parts, wall_work } = window;
@@ -557,9 +560,9 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// How the bodies of a pair move, with the normals of now and of the last step.
+    /// Motion of the bodies of a pair, with the present and the last normal.
     fn motion(&self, pair: Pair, normals: [&Vec3; 2]) -> Motion {
-        // What a wall does is booked under laws, too, that do not ask.
+        // The work of walls is recorded under every law.
         if self.law.needs.velocity || pair.b.index() >= self.particles.first_facet() {
             Motion::of(pair, self.particles, self.dt, normals)
         } else {
@@ -567,7 +570,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Finds what acts in a contact with a patch, of the window that begins at the `first`.
+    /// Finds the forces of a contact with a patch, of the window that begins at `first`.
     #[inline(never)]
     fn on_patch(&mut self, place: usize, first: usize, window: &mut Window) {
         let Self { law, particles, dt, .. } = *self;
@@ -646,7 +649,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// What acts in a contact now. `state` has what the model remembers of the last step, and gets what the next must know.
+    /// Forces and moments of a contact. `state` holds the model's values of the last step on entry and those for the next
+    /// step on return.
     fn acting(
         &self,
         place: usize,
@@ -723,7 +727,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
     }
 
-    /// Zero force; the stored energy of the ended contact counts as dissipated.
+    /// Adds the loss of a separated contact. Its force is zero now; its stored energy counts as dissipated.
     #[cold]
     pub(super) fn add_separated_with_patches(&mut self, separated: Separated) {
         let Self { law, particles, dt, .. } = *self;
@@ -747,7 +751,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             let powers = memory.powers(&geometry.normal, &of_model, None, (&motion, 1));
             lost = powers.balance([stored, Stored::none()], half, [u8::MAX; 2]);
         }
-        // The force fell to nothing on the way: half of it did the work.
+        // The force has fallen to zero: only the half of the last step counts.
         if pair.b.index() >= particles.first_facet() {
             let force = memory.total_force(&geometry.normal);
             let on_wall = motion.work_on_b(&force, &memory.moment, &memory.point, 1, half);
@@ -757,18 +761,18 @@ impl<M: Model> Contacts<'_, '_, M> {
     }
 }
 
-/// Spring and dashpot of turning about the normal.
+/// Spring and dashpot of torsion about the normal.
 struct Torsion {
-    /// Of A on B, the moment over the mean distance [N].
+    /// Force of A on B, the moment over the mean distance [N].
     force: f64,
-    /// The part of the dashpot [N].
+    /// Viscous part [N].
     viscous: f64,
-    /// [m]
+    /// Stretch [m].
     stretch: f64,
 }
 
 impl Torsion {
-    /// Before any limit, from the stretch that is left [m], at a speed [m/s] that has made it grow for so long [s].
+    /// Force before any limit, from the remaining stretch `left` [m] and a speed [m/s] that has acted for `lasted` [s].
     fn of(turning: &Turning, left: f64, speed: f64, lasted: f64) -> Self {
         let Turning { tangential_stiffness, tangential_dashpot, friction, .. } = *turning;
         if tangential_stiffness <= 0.0 || friction <= 0.0 {
@@ -779,11 +783,11 @@ impl Torsion {
         Self { force: tangential_stiffness * stretch + viscous, viscous, stretch }
     }
 
-    /// The parts that Coulomb's limit leaves, and that remain, see [`super::within_limit`].
+    /// Force and stretch within Coulomb's limit, with the factor of contacts that end, see [`super::within_limit`].
     fn within(self, turning: &Turning, kept: &Kept<f64>, dt: f64) -> Self {
         let Kept { torsion: kept, remains, .. } = *kept;
         let Self { force, viscous, stretch } = self;
-        // At the start of a stage no time has passed: a spring stays as it was.
+        // No time has passed at the start of a stage, so the spring stays unchanged.
         let stretch = if kept < 1.0 && dt > 0.0 {
             (force * kept - viscous) / turning.tangential_stiffness
         } else {
@@ -793,7 +797,7 @@ impl Torsion {
     }
 }
 
-/// The rows of eight places.
+/// Rows at eight places.
 #[inline(always)]
 fn rows_of<'a, T>(all: &'a [T], at: &[usize; WIDTH]) -> [&'a T; WIDTH] {
     let mut rows = [&all[at[0]]; WIDTH];

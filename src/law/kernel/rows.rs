@@ -1,4 +1,4 @@
-//! Eight rows at once, from the numbers that are remembered of contacts, and back.
+//! Conversion between the state values of contacts and eight lanes.
 
 use super::MOST_STATE_OF_MOMENTS;
 use super::patches::Memory;
@@ -6,26 +6,27 @@ use crate::contact::{Geometry, Previous};
 use crate::lanes::{Eight, Row, WIDTH};
 use crate::math::Vec3;
 
-/// What is remembered of a contact that did not touch.
+/// Geometry of a contact that did not touch at the last step.
 static NEW: Geometry = Geometry { normal: Vec3::new(0.0, 0.0, 0.0), overlap: 0.0 };
 static NO_STATE: [f64; MOST_STATE_OF_MOMENTS + Memory::WIDTH] =
     [0.0; MOST_STATE_OF_MOMENTS + Memory::WIDTH];
 
-/// What is remembered of eight contacts that stand one after the other, column by column: by one check where
-/// [`read_state`] checks each row, for which a packing's forces take up to a third longer.
+/// Reads the state of eight consecutive contacts, column by column. It needs one bounds check where [`read_state`] checks
+/// each row, with which a packing's forces take up to a third longer.
 #[inline(always)]
 pub(super) fn read_states_in_a_row<L: Eight>(all: &[f64], start: usize, columns: &mut [L]) {
     if let Ok(columns) = <&mut [L; 4]>::try_from(&mut *columns) {
         *columns = L::columns_of_4(&eight_rows(all.as_chunks().0, start));
     } else if let [column] = columns {
-        // Numbers put one by one would have to reach memory before they could be read as eight.
+        // Values stored one by one would have to reach memory before they could be loaded as eight.
         *column = L::load(all[start..].first_chunk().expect("eight numbers"));
     } else {
         read_state(&rows_of(all, columns.len(), start), columns);
     }
 }
 
-/// The memory of eight contacts, column by column. Columns are read four at a time, and the last four may overlap those before: one by one takes longer.
+/// Reads the state of eight contacts, column by column. Columns are read four at a time, which is faster than one by one;
+/// the last four may overlap those before.
 #[inline(always)]
 pub(super) fn read_state<L: Eight>(rows: &[&[f64]; WIDTH], columns: &mut [L]) {
     let width = columns.len();
@@ -54,7 +55,7 @@ pub(super) fn read_state<L: Eight>(rows: &[&[f64]; WIDTH], columns: &mut [L]) {
     }
 }
 
-/// So many numbers of each row; `None` if rows are too short.
+/// `N` values of each row from `at` on; `None` if rows are too short.
 #[inline(always)]
 pub(super) fn pieces<'a, const N: usize>(
     rows: &[&'a [f64]; WIDTH],
@@ -67,7 +68,7 @@ pub(super) fn pieces<'a, const N: usize>(
     Some(pieces)
 }
 
-/// Writes the memory of the first `count` of eight contacts, as [`read_state`] reads it.
+/// Writes the state of the first `count` of eight contacts, in the layout of [`read_state`].
 #[inline(always)]
 pub(super) fn write_state<L: Eight>(
     all: &mut [f64],
@@ -109,8 +110,8 @@ pub(super) fn write_state<L: Eight>(
     }
 }
 
-/// Writes the first three numbers of eight rows. The fourth of each is written over by the next row: that takes fewer
-/// instructions than three alone.
+/// Writes the first three values of eight rows. The fourth of each is overwritten by the next row, which takes fewer
+/// instructions than writing three.
 #[inline(always)]
 pub(super) fn write_threes<R: Row>(all: &mut [Vec3], rows: &[R; WIDTH]) {
     let eight = all.first_chunk_mut::<WIDTH>().expect("eight places");
@@ -122,7 +123,7 @@ pub(super) fn write_threes<R: Row>(all: &mut [Vec3], rows: &[R; WIDTH]) {
     eight[WIDTH - 1] = last.first_three().into();
 }
 
-/// The rows of eight contacts that stand one after the other.
+/// Rows of eight consecutive contacts.
 #[inline(always)]
 fn rows_of(all: &[f64], width: usize, start: usize) -> [&[f64]; WIDTH] {
     let eight = &all[start * width..][..WIDTH * width];
@@ -133,7 +134,7 @@ fn rows_of(all: &[f64], width: usize, start: usize) -> [&[f64]; WIDTH] {
     rows
 }
 
-/// The same of any eight: zeros of those that have no place.
+/// Rows of eight contacts at any places; zeros for those without a place.
 #[inline(always)]
 pub(super) fn rows_at<'a>(
     all: &'a [f64],
@@ -149,7 +150,7 @@ pub(super) fn rows_at<'a>(
     rows
 }
 
-/// Where contacts were at the last step, if they touched.
+/// Geometries of contacts at the last step; zero for those that did not touch.
 #[inline(always)]
 pub(super) fn geometries_at<'a>(
     all: &'a [Geometry],
@@ -162,14 +163,14 @@ pub(super) fn geometries_at<'a>(
     rows
 }
 
-/// Those from a place on.
+/// Eight rows from a place on.
 #[inline(always)]
 pub(super) fn eight_rows<T>(all: &[T], first: usize) -> [&T; WIDTH] {
     let [a, b, c, d, e, f, g, h] = &all[first..][..WIDTH] else { unreachable!("eight are eight") };
     [a, b, c, d, e, f, g, h]
 }
 
-/// The same; if there are less than eight, the last one again.
+/// Eight rows from a place on; if there are fewer, the last one repeats.
 #[inline(always)]
 pub(super) fn eight_from_rows<T>(all: &[T], first: usize, count: usize) -> [&T; WIDTH] {
     if count == WIDTH {
@@ -182,7 +183,7 @@ pub(super) fn eight_from_rows<T>(all: &[T], first: usize, count: usize) -> [&T; 
     rows
 }
 
-/// The same, copied.
+/// Eight values from a place on; if there are fewer, the last one repeats.
 #[inline(always)]
 fn eight_from<T: Copy>(all: &[T], first: usize, count: usize) -> [T; WIDTH] {
     if let Some(eight) = all[first..].first_chunk::<WIDTH>() {
@@ -195,7 +196,7 @@ fn eight_from<T: Copy>(all: &[T], first: usize, count: usize) -> [T; WIDTH] {
     eight
 }
 
-/// Where the first of eight contacts stood at the last step, if all touched and stood one after the other.
+/// Place of the first of eight contacts at the last step, if all touched and stood in the same order.
 #[inline(always)]
 pub(super) fn stood_in_a_row(from: &[Previous], first: usize, count: usize) -> Option<usize> {
     if from.is_empty() {
@@ -210,7 +211,7 @@ pub(super) fn stood_in_a_row(from: &[Previous], first: usize, count: usize) -> O
     if in_a_row { Some(start) } else { None }
 }
 
-/// Where up to eight contacts stood at the last step.
+/// Places of up to eight contacts at the last step.
 #[inline(always)]
 pub(super) fn places_before(from: &[Previous], first: usize, count: usize) -> [Previous; WIDTH] {
     if !from.is_empty() {

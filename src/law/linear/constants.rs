@@ -1,10 +1,10 @@
-//! Constants of linear contacts: how those of two materials mix, and which damping ratio a restitution means.
+//! Constants of linear contacts, their mixing for two materials, and the damping ratio for a restitution.
 
 use crate::law::Mixing;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// The constants of a contact between two materials; by default nothing acts.
+/// Constants of a contact between two materials; by default all are zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Constants {
     /// Normal stiffness of a contact [N/m].
@@ -20,7 +20,8 @@ pub struct Constants {
 }
 
 impl Mixing for Constants {
-    /// Stiffnesses as of two half springs in series (the harmonic mean), the lower friction, the mean damping ratios.
+    /// Stiffnesses as for two half springs in series (the harmonic mean), the lower friction, the mean damping
+    /// ratios.
     fn mixed(a: &Self, b: &Self) -> Self {
         let series = |x: f64, y: f64| if x + y > 0.0 { 2.0 * x * y / (x + y) } else { 0.0 };
         Self {
@@ -41,13 +42,11 @@ impl Constants {
     }
 }
 
-/// The damping ratio `ζ` of a linear dashpot that gives a head-on collision this coefficient of
-/// restitution, in (0, 1].
+/// Damping ratio `ζ` of a linear dashpot that gives a head-on collision this coefficient of restitution, in (0, 1].
 ///
-/// If the dashpot may attract until the overlap is zero, `e = exp(-π ζ / √(1 - ζ²))`. If `limited`, the
-/// contact ends when the force does, and with `ζ = sin θ` it is `e = exp(-(π - 2θ) tan θ)`, beyond critical
-/// damping with `ζ = cosh u` `e = exp(-2u coth u)` (Schwager and Pöschel 2007,
-/// DOI 10.1007/s10035-007-0065-z).
+/// If the dashpot may attract until the overlap is zero, `e = exp(-π ζ / √(1 - ζ²))`. If `limited`, the contact ends
+/// when the force does. Then `e = exp(-(π - 2θ) tan θ)` with `ζ = sin θ`, and beyond critical damping
+/// `e = exp(-2u coth u)` with `ζ = cosh u` (Schwager and Pöschel 2007, DOI 10.1007/s10035-007-0065-z).
 pub fn damping_ratio_of_restitution(restitution: f64, limited: bool) -> f64 {
     let wanted = -libm::log(restitution);
     if !limited {
@@ -65,7 +64,7 @@ pub fn damping_ratio_of_restitution(restitution: f64, limited: bool) -> f64 {
     }
 }
 
-/// The place between `low` and `high` up to which `below` holds.
+/// Largest place between `low` and `high` at which `below` holds.
 fn bisect(mut low: f64, mut high: f64, below: impl Fn(f64) -> bool) -> f64 {
     for _ in 0..60 {
         let middle = 0.5 * (low + high);

@@ -1,10 +1,11 @@
 //! Linear springs (Cundall and Strack 1979, DOI 10.1680/geot.1979.29.1.47): the paper's law.
 //!
-//! Normal: `N = k_n δ + γ_n δ̇`, by default never attractive. Tangential: `T = k_t ξ + γ_t ξ̇` with a spring `ξ` in the contact
-//! plane that is carried along when the pair turns and grows with the sliding velocity. Beyond Coulomb's limit `T` is cut
-//! to `μ N`, and the spring to `ξ = (T - γ_t ξ̇) / k_t`, so that spring and dashpot together make up the limit and nothing
-//! jumps where sliding begins or ends (Luding 2008, DOI 10.1007/s10035-008-0099-x, section 2.4). Choose it where stiffness
-//! only has to be high enough; the contact time then does not depend on the velocity, so one time step serves a whole run.
+//! Normal: `N = k_n δ + γ_n δ̇`, by default never attractive. Tangential: `T = k_t ξ + γ_t ξ̇` with a spring `ξ` in the
+//! contact plane that is carried along when the pair turns and grows with the sliding velocity. Beyond Coulomb's limit `T`
+//! is cut to `μ N`, and the spring to `ξ = (T - γ_t ξ̇) / k_t`. So spring and dashpot together equal the limit, and nothing
+//! jumps where sliding begins or ends (Luding 2008, DOI 10.1007/s10035-008-0099-x, section 2.4). This law suits scenes
+//! where stiffness only has to be high enough. The contact time does not depend on the velocity, so one time step serves a
+//! whole run.
 //!
 //! The normal force dissipates where it has a dashpot, the tangential force where there is friction.
 
@@ -28,12 +29,12 @@ use serde::{Deserialize, Serialize};
 /// Constants of every pair of materials.
 pub type Interactions = super::Interactions<Constants>;
 
-/// What a scene says of this law.
+/// Settings of this law in a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Constants of every pair of materials.
     pub interactions: Interactions,
-    /// How dashpots act.
+    /// Options of dashpots.
     pub dashpots: Dashpots,
 }
 
@@ -56,13 +57,13 @@ pub(crate) struct Linear {
     state: Vec<StateColumn>,
 }
 
-/// Tangential spring, the stretch of A's surface against B's: where there is friction.
+/// Tangential spring, the stretch of A's surface against B's, if there is friction.
 const SPRING: StateColumn = StateColumn::new("spring", 3, "m");
-/// Normal force of the last touch: where there are dashpots. Without them it follows from the overlap.
+/// Normal force of the last touch, if there are dashpots. Without them it follows from the overlap.
 const NORMAL_FORCE: StateColumn = StateColumn::new("normal_force", 1, "N");
 
 impl Linear {
-    /// With these constants.
+    /// Model with these constants.
     pub(crate) fn new(interactions: Interactions, dashpots: Dashpots) -> Self {
         let damped = interactions
             .iter()
@@ -73,7 +74,7 @@ impl Linear {
         Self { interactions, dashpots, damped, frictional, state }
     }
 
-    /// What is remembered of the tangential springs [m].
+    /// Remembered tangential springs [m].
     #[inline(always)]
     fn spring<L: Lanes>(&self, state: &[L]) -> Triple<L> {
         if self.frictional {
@@ -95,12 +96,12 @@ pub(crate) struct Springs<L> {
     friction: L,
     /// Normal and tangential dashpots [N s/m].
     dashpots: [L; 2],
-    /// Of both bodies [1/kg].
+    /// Inverse reduced mass [1/kg].
     inverse_mass: L,
 }
 
 impl<L: Lanes> Springs<L> {
-    /// Which of them feel tangential motion.
+    /// Contacts that feel tangential motion, as bits of lanes.
     #[inline(always)]
     fn frictional(&self) -> u8 {
         let zero = L::all(0.0);
@@ -116,7 +117,7 @@ impl<L: Lanes> Springs<L> {
 }
 
 impl Linear {
-    /// Spring and dashpot along the normal [N].
+    /// Normal force of spring and dashpot [N].
     #[inline(always)]
     fn press<L: Lanes>(&self, springs: &Springs<L>, contact: &Contact<L>, state: &[L]) -> L {
         let mut force = springs.normal * contact.overlap * contact.gain;
@@ -131,9 +132,9 @@ impl Linear {
         force
     }
 
-    /// Spring, dashpot and friction in the contact plane, from the spring as carried over and as it was in the last step [m]: the
-    /// tangential force of A on B [N], and the spring [m]. Where they exceed Coulomb's limit the force is cut to it, and the spring to what the dashpot leaves of it. The third is what
-    /// the limit leaves.
+    /// Tangential force of A on B [N], its spring [m], and the parts that Coulomb's limit leaves. `carried` is the spring
+    /// of the last step carried into the present plane, `last` the spring as it was [m]. Beyond the limit the force is cut
+    /// to it, and the spring to what the dashpot leaves of it.
     #[inline(always)]
     fn rub<L: Lanes>(
         &self,
@@ -293,7 +294,7 @@ impl Model for Linear {
             let last = self.spring(state);
             let carried = carried(last, contact);
             let (friction, stretched, left) = self.rub(springs, press, (carried, last), contact);
-            // At the start of a stage no time has passed: a spring stays as it was.
+            // No time has passed at the start of a stage, so the spring stays unchanged.
             let now = if contact.dt > 0.0 { stretched } else { carried };
             spring = now.or(zero, frictional);
             rub = friction.or(zero, frictional);

@@ -1,8 +1,8 @@
-//! From the answers of trials to the errors that are expected of them. See [`super`].
+//! Errors expected from the results of trials. See [`super`].
 
 use super::trial::Answer;
 
-/// How often the largest difference from shorter steps counts.
+/// Factor on the largest difference from shorter steps.
 const MARGIN: f64 = 2.0;
 
 /// Student's factor of 95 %, both sides, of 1 to 6 degrees of freedom (Student 1908, DOI 10.1093/biomet/6.1.1).
@@ -11,14 +11,14 @@ const STUDENT: [f64; 6] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447];
 /// The runs of one step.
 #[derive(Clone, Debug)]
 pub(super) struct Rung {
-    /// The unmoved one, then the copies; none if one of them failed.
+    /// The unmoved run, then the copies; empty if one of them failed.
     pub(super) runs: Vec<Answer>,
-    /// Why it failed.
+    /// Reason for a failure.
     pub(super) why_not: Option<String>,
 }
 
 impl Rung {
-    /// Stress and coordination number, in the mean over the runs.
+    /// Stress and coordination number, as means over the runs.
     fn mean(&self) -> Option<[f64; 2]> {
         let count = self.runs.len() as f64;
         let mean = |of: fn(&Answer) -> f64| self.runs.iter().map(of).sum::<f64>() / count;
@@ -26,19 +26,19 @@ impl Rung {
     }
 }
 
-/// How far apart runs are whose starts nobody could tell apart: with 95 %, two of them differ by less. Relative [-].
+/// Relative difference that two runs with nearly equal starts do not exceed with a probability of 95 % [-].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Floor {
-    /// Of the mean stress.
+    /// For the mean stress.
     pub stress: f64,
-    /// Of the coordination number.
+    /// For the coordination number.
     pub contacts: f64,
 }
 
 impl Floor {
     pub(super) const NONE: Self = Self { stress: 0.0, contacts: 0.0 };
 
-    /// From the copies of all steps.
+    /// Floor from the copies of all steps.
     pub(super) fn of(rungs: &[Rung]) -> Self {
         let (mut squares, mut freedom) = ([0.0; 2], 0);
         for rung in rungs.iter().filter(|rung| rung.runs.len() > 1) {
@@ -61,13 +61,13 @@ impl Floor {
         Self { stress, contacts }
     }
 
-    /// The larger one.
+    /// Larger of the two.
     pub fn largest(&self) -> f64 {
         self.stress.max(self.contacts)
     }
 }
 
-/// How far a step is from shorter ones, relative [-].
+/// Relative difference of a step from shorter ones [-].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Difference {
     pub(super) stress: f64,
@@ -94,24 +94,24 @@ impl Difference {
     }
 }
 
-/// How large errors are expected to be, relative [-].
+/// Expected relative errors [-].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
-    /// Of the mean stress.
+    /// For the mean stress.
     pub stress: f64,
-    /// Of the coordination number.
+    /// For the coordination number.
     pub contacts: f64,
-    /// Energy missing.
+    /// Energy error.
     pub energy: f64,
 }
 
 impl Expected {
-    /// The largest of them.
+    /// Largest of the three.
     pub fn largest(&self) -> f64 {
         self.stress.max(self.contacts).max(self.energy)
     }
 
-    /// What is not a number is expected of nothing.
+    /// Is none larger? False for NaN.
     pub(super) fn is_at_most(&self, error: f64) -> bool {
         [self.stress, self.contacts, self.energy].into_iter().all(|part| part <= error)
     }
@@ -122,7 +122,7 @@ pub(super) fn best(rungs: &[Rung]) -> Option<[f64; 2]> {
     rungs.iter().rev().find_map(Rung::mean)
 }
 
-/// The largest difference of a step from shorter ones.
+/// Largest difference of a step from shorter ones.
 pub(super) fn difference(rungs: &[Rung], k: usize) -> Option<Difference> {
     let mine = rungs[k].mean()?;
     let others = rungs[k + 1..].iter().filter_map(Rung::mean);
@@ -132,13 +132,13 @@ pub(super) fn difference(rungs: &[Rung], k: usize) -> Option<Difference> {
     })
 }
 
-/// The errors that are expected of a step.
+/// Expected errors of a step.
 pub(super) fn expected(rungs: &[Rung], k: usize, floor: &Floor) -> Option<Expected> {
     let missing = rungs[k].runs.iter().map(|run| run.missing.abs()).fold(0.0, f64::max);
     Some(difference(rungs, k)?.expected(missing, floor))
 }
 
-/// The same of a run against the answer of the shortest step.
+/// Expected errors of a run against the result of the shortest step.
 pub(super) fn from(run: &Answer, best: &[f64; 2], floor: &Floor) -> Expected {
     let difference = Difference::between([run.stress, run.coordination], *best);
     difference.expected(run.missing, floor)

@@ -1,40 +1,41 @@
-//! Which time step and contact method a scene needs for the error that its user accepts: `dem-mpi --suggest`.
+//! Time step and contact method that a scene needs for an accepted error: `dem-mpi --suggest`.
 //!
 //! # The trial
-//! The scene runs again and again from one start, over the same time, on one rank and in memory. A trial lasts [`LONGEST`] steps
-//! of the stable limit, or fewer, so that steps times particles are [`WORK`], but not fewer than [`SHORTEST`]; or the whole stage, if
-//! that is shorter.
+//! The scene runs repeatedly from one start, over the same time, on one rank and in memory. A trial lasts at most
+//! [`LONGEST`] steps of the stable limit, and fewer if steps times particles would exceed [`WORK`], but at least
+//! [`SHORTEST`]. If the stage is shorter, the trial is the whole stage.
 //!
 //! # The error
-//! Of a trial against the same trial with converged settings, the largest of
-//! * **stress**: the mean stress of the contacts, relative. It is found as the sum over the contacts of force times branch, a
-//!   third of the trace, which is the mean stress times the volume (Love 1927; Weber 1966); the branch ends at the wall, where
-//!   there is one;
+//! The largest of three errors, against the same trial with converged settings:
+//! * **stress**: the mean stress of the contacts, relative. It is the sum over the contacts of force times branch, a third
+//!   of the trace, which is the mean stress times the volume (Love 1927; Weber 1966); at a wall the branch ends there;
 //! * **contacts**: the mean coordination number, walls included, relative;
-//! * **energy**: what the balance of energies misses at the end, over what was dissipated, or over the largest kinetic and
-//!   elastic energy where that is more. A converged trial misses nothing.
+//! * **energy**: the energy error at the end, over the dissipated energy, or over the largest kinetic and elastic energy
+//!   where that is more. It is zero in a converged trial.
 //!
-//! Stress and coordination number are means over the last fifth of the trial, of the same moments in all trials.
+//! Stress and coordination number are means over the last fifth of the trial, at the same moments in all trials.
 //!
-//! # How it is estimated
+//! # The estimate
 //! Steps of 0.8 of the stable limit, half of that, a quarter, and so on, with the method `auto`, make a ladder. The
-//! **difference** of a step is the largest between its answer and those of the shorter steps, at least two. Twice that counts:
-//! an error that falls with the step to the power of p is less than `1 / (1 - 2^(-2p))` times the difference from a step a
-//! quarter as long, 4/3 with p = 1 and 2 with p = 1/2.
+//! **difference** of a step is the largest between its result and those of the shorter steps, at least two. It counts
+//! twice: an error that falls with the step to the power of p is less than `1 / (1 - 2^(-2p))` times the difference from a
+//! step a quarter as long, 4/3 with p = 1 and 2 with p = 1/2.
 //!
-//! Packings that still move are chaotic. The **floor** tells how far apart two runs are that nobody could tell apart at
-//! their start: the steps that may be proposed run [`COPIES`] times each, from starts in which every particle was moved by up to
-//! [`NUDGE`] of the smallest inscribed radius. With `s` for the standard deviation of these copies, pooled over the steps, the
-//! floor is `t √2 s`, where t is Student's factor of 95 %. No step keeps single values nearer than the floor. A short trial of
-//! a few collisions may not have made a difference of [`NUDGE`] grow to its full size, so that a longer run has a higher floor.
+//! Packings that still move are chaotic. The **floor** is the difference between runs with nearly equal starts. The steps
+//! that may be proposed run [`COPIES`] times each, from starts in which every particle was moved by up to [`NUDGE`] of the
+//! smallest inscribed radius. With `s` for the standard deviation of these copies, pooled over the steps, the floor is
+//! `t √2 s`, where t is Student's factor of 95 %. No step reduces the error of single values below the floor. In a short
+//! trial with few collisions a displacement of [`NUDGE`] may not grow to its full size, so a longer run has a higher floor.
 //!
-//! The **expected error** of a step is `√((2 difference)² + floor²)` for stress and contacts, and what is missing for the energy. A
-//! step is proposed if its expected error and that of half of it are within what is asked: one alone may be so by chance.
+//! The **expected error** of a step is `√((2 difference)² + floor²)` for stress and contacts, and the energy error for
+//! energy. A step is proposed if its expected error and that of half the step are within the accepted error: a single one
+//! may be so by chance.
 //!
-//! # How often it is right
-//! `cargo bench --bench work_precision -- --suggest` asks for 5 % and 1 % in 20 scenes that can keep them, and compares with
-//! converged steps: 39 of 40 errors were within what was asked, the other was 1.01 %. The expected error is no bound: contacts
-//! that carry next to nothing open and close with any change of the step, so the error of their number was up to 3.8 times the expected one.
+//! # Accuracy of the estimate
+//! `cargo bench --bench work_precision -- --suggest` requests 5 % and 1 % in 20 scenes that allow them, and compares with
+//! converged steps: 39 of 40 errors were within the accepted one, the other was 1.01 %. The expected error is no bound.
+//! Contacts that carry next to nothing open and close with any change of the step. The error of their number was up to 3.8
+//! times the expected one.
 
 mod estimate;
 mod page;
@@ -47,28 +48,28 @@ use std::path::Path;
 use std::sync::atomic::AtomicUsize;
 pub use trial::{Answer, Trials, Unanswered, Variant};
 
-/// Length of a trial, in steps of the stable limit, at most.
+/// Largest length of a trial, in steps of the stable limit.
 pub const LONGEST: f64 = 20_000.0;
-/// The same at least, if the stage is not shorter.
+/// Smallest length of a trial, if the stage is not shorter.
 pub const SHORTEST: f64 = 400.0;
-/// Steps of the stable limit times particles, at most, unless a trial would be shorter than that.
+/// Largest number of steps of the stable limit times particles, unless a trial would be shorter than [`SHORTEST`].
 pub const WORK: f64 = 4e6;
-/// How far the starts of copies are moved, over the smallest inscribed radius [-].
+/// Displacement of particles in the starts of copies, over the smallest inscribed radius [-].
 pub const NUDGE: f64 = 1e-9;
-/// Runs of each step that may be proposed at first, the unmoved one included.
+/// Runs of each step that may be proposed first, including the unmoved one.
 pub const COPIES: u64 = 3;
-/// The longest step over the stable limit; each further one is half of that before.
+/// Longest step over the stable limit; each further one is half as long.
 pub const FIRST: f64 = 0.8;
-/// Steps of the ladder at most.
+/// Largest number of steps in the ladder.
 const RUNGS: usize = 7;
-/// Steps of the ladder that have copies.
+/// Number of steps in the ladder with copies.
 const COPIED: usize = 3;
-/// How many shorter steps a step is compared with, at least.
+/// Smallest number of shorter steps with which a step is compared.
 const FINER: usize = 2;
 /// A method is changed if it takes less than this part of the time.
 const FASTER: f64 = 0.9;
 
-/// What is tried beside `auto`: keys of `[contact]`.
+/// Methods tried beside `auto`: keys of `[contact]`.
 const METHODS: [&[(&str, &str)]; 4] = [
     &[("method", "\"epa\"")],
     &[("method", "\"epa\""), ("tolerance", "1e-4")],
@@ -77,39 +78,39 @@ const METHODS: [&[(&str, &str)]; 4] = [
 ];
 const AUTO: &[(&str, &str)] = &[("method", "\"auto\"")];
 
-/// What is asked.
+/// Scene and accepted error of a suggestion.
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'a> {
     /// The scene's file.
     pub scene: &'a Path,
-    /// Changes of it, as of [`super::Scene::read`].
+    /// Overrides, as for [`super::Scene::read`].
     pub overrides: &'a [String],
-    /// A snapshot of the same stage from which trials begin; without it, they begin as the scene does.
+    /// Snapshot of the same stage from which trials begin; without it, they begin as the scene does.
     pub start: Option<&'a Path>,
-    /// The error that is accepted [-].
+    /// Accepted error [-].
     pub error: f64,
-    /// Not zero once a signal has asked for the end.
+    /// Nonzero once a signal has requested the end.
     pub signal: &'a AtomicUsize,
 }
 
-/// What is proposed.
+/// Proposed settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suggestion {
-    /// Is the error that was asked for to be expected of single values, and not only of means of many runs?
+    /// Can the accepted error be expected for single values, and not only for means of many runs?
     pub is_kept: bool,
-    /// What the proposed settings came to in the trial.
+    /// Result of a trial with the proposed settings.
     pub run: Answer,
-    /// Keys of `[contact]` and their values, as TOML has them.
+    /// Keys of `[contact]` and their values in TOML.
     pub contact: Vec<(String, String)>,
-    /// How large the errors of `run` are expected to be.
+    /// Expected errors of `run`.
     pub expected: Expected,
-    /// How far apart runs are that begin alike.
+    /// Difference between runs with nearly equal starts.
     pub floor: Floor,
-    /// For a person: the lines of the scene to change, what to expect, what was tried, how sure it is.
+    /// Text for the user: the lines of the scene to change, the expected errors, the trials, and their reliability.
     pub text: String,
 }
 
-/// Proposes step and method. `progress` gets a line after every trial.
+/// Proposes step and method. `progress` receives a line after every trial.
 ///
 /// # Errors
 /// See [`Unanswered`].
@@ -173,7 +174,7 @@ pub fn suggest(
     Ok(Suggestion { is_kept, run, contact, expected, floor, text })
 }
 
-/// Runs the ladder until a step keeps the error; which one that is, if any.
+/// Runs the ladder until a step keeps the error; returns it and the step, if any.
 fn climb(
     trials: &Trials,
     error: f64,
@@ -185,7 +186,7 @@ fn climb(
         for copy in 0..if k < COPIED { COPIES } else { 1 } {
             match trials.run(&Variant { copy, contact: AUTO, ..Variant::of(k) }) {
                 Ok(run) => rung.runs.push(run),
-                // A long step may be too long; a scene that is wrong is so with every step.
+                // A long step may fail by its length; an invalid scene fails with every step.
                 Err(Unanswered::Trial(why)) => {
                     rung = Rung { runs: Vec::new(), why_not: Some(why) };
                     break;
@@ -205,7 +206,7 @@ fn climb(
         if let Some(first) = (0..=k - FINER).find(|&j| keeps(j) && keeps(j + 1)) {
             return Ok((rungs, Some(first)));
         }
-        // Shorter steps would not come nearer than that.
+        // Shorter steps would not reduce the error below the floor.
         if floor.largest() > error && lost(&rungs, &floor).is_some() {
             break;
         }
@@ -213,13 +214,13 @@ fn climb(
     Ok((rungs, None))
 }
 
-/// The longest step that differs from shorter ones by no more than runs of one step do from each other.
+/// Longest step whose difference from shorter ones is within the floor.
 fn lost(rungs: &[Rung], floor: &Floor) -> Option<usize> {
     let is_lost = |&k: &usize| estimate::difference(rungs, k).is_some_and(|d| d.is_within(floor));
     (0..rungs.len().saturating_sub(FINER)).find(is_lost).filter(|_| floor.largest() > 0.0)
 }
 
-/// The step with the smallest expected error.
+/// Step with the smallest expected error.
 fn nearest(rungs: &[Rung], floor: &Floor) -> Option<usize> {
     let expected = |k| Some((estimate::expected(rungs, k, floor)?.largest(), k));
     let all = (0..rungs.len().saturating_sub(FINER)).filter_map(expected);

@@ -1,4 +1,4 @@
-//! What is said of a suggestion.
+//! Text of a suggestion.
 
 use super::estimate::{self, Expected, Floor, Rung};
 use super::trial::{Answer, SOFTER, Trials, Unanswered};
@@ -8,16 +8,16 @@ use crate::scene::Scene;
 type Keys = &'static [(&'static str, &'static str)];
 type Tried = Result<(Expected, Answer), Unanswered>;
 
-/// All that was found.
+/// All results.
 pub(super) struct Found<'a> {
     pub(super) question: &'a Question<'a>,
     pub(super) trials: &'a Trials<'a>,
     pub(super) rungs: &'a [Rung],
     pub(super) floor: Floor,
     pub(super) is_kept: bool,
-    /// With the proposed settings.
+    /// Run with the proposed settings.
     pub(super) run: Answer,
-    /// With the same step and `auto`.
+    /// Run with the same step and `auto`.
     pub(super) plain: &'a Answer,
     pub(super) method: Keys,
     pub(super) expected: Expected,
@@ -57,7 +57,7 @@ impl Found<'_> {
         )
     }
 
-    /// Lines of TOML.
+    /// Lines of TOML for the scene.
     fn scene_lines(&self) -> String {
         let Self { trials, run, method, .. } = self;
         let scene: &Scene = &trials.scene;
@@ -165,7 +165,7 @@ impl Found<'_> {
     }
 }
 
-/// How a step of the ladder compares with those shorter ones that have run.
+/// Comparison of a step of the ladder with the shorter ones that have run.
 pub(super) fn of_rung(trials: &Trials, rungs: &[Rung], k: usize) -> String {
     let rung = &rungs[k];
     let Some(run) = rung.runs.first() else {
@@ -189,7 +189,7 @@ pub(super) fn of_rung(trials: &Trials, rungs: &[Rung], k: usize) -> String {
     )
 }
 
-/// How another method did.
+/// Result of another method.
 pub(super) fn of_method(keys: &[(&str, &str)], tried: &Result<Answer, Unanswered>) -> String {
     let name: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
     let name = name.join(", ");

@@ -1,4 +1,4 @@
-//! One scene, run over one time, again and again: with another step, method or stiffness, or a start that was moved a little.
+//! Repeated runs of one scene over one time: with another step, method or stiffness, or a slightly moved start.
 
 use super::{FIRST, LONGEST, NUDGE, Question, SHORTEST, WORK};
 use crate::comm::Comm;
@@ -16,9 +16,9 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 use toml::{Table, Value};
 
-/// Which part of a trial is averaged over: one of so many.
+/// Number of parts of a trial, the last of which is averaged over.
 const LAST_PART: u64 = 5;
-/// How often energies are looked at in a trial.
+/// Number of energy measurements in a trial.
 const LOOKS: u64 = 50;
 /// Keys of `[contact]` that belong to a method.
 const OF_METHODS: [&str; 6] =
@@ -26,55 +26,55 @@ const OF_METHODS: [&str; 6] =
 /// Stiffness of softer contacts over the scene's [-].
 pub(super) const SOFTER: f64 = 0.1;
 
-/// Why there is no answer.
+/// Reason for a missing result.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unanswered {
-    /// The scene, its start or the question is wrong.
+    /// The scene, its start or the question is invalid.
     #[error("{0}")]
     Input(String),
-    /// A trial could not go on.
+    /// A trial failed.
     #[error("{0}")]
     Trial(String),
-    /// It took longer than it may.
+    /// A trial exceeded its time.
     #[error("slower")]
     Slower,
-    /// A signal of this number asked for the end.
+    /// A signal of this number requested the end.
     #[error("stopped by a signal")]
     Signal(usize),
 }
 
-/// What a trial came to.
+/// Result of a trial.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
     /// Step [s].
     pub dt: f64,
-    /// Steps.
+    /// Number of steps.
     pub steps: u64,
     /// Wall clock of the steps [s].
     pub seconds: f64,
-    /// Sum over the contacts of force times branch, a third of the trace: mean stress times volume, in the mean over the
-    /// last fifth [J].
+    /// Sum over the contacts of force times branch, a third of the trace: mean stress times volume, averaged over the last
+    /// fifth [J].
     pub stress: f64,
-    /// Mean coordination number with walls, in the mean over the last fifth [-].
+    /// Mean coordination number with walls, averaged over the last fifth [-].
     pub coordination: f64,
-    /// Energy missing over what was dissipated, or over the largest kinetic and elastic energy where that is more [-].
+    /// Energy error over the dissipated energy, or over the largest kinetic and elastic energy where that is more [-].
     pub missing: f64,
-    /// Largest overlap that was seen, over the shortest axis of the smaller body [-].
+    /// Largest measured overlap over the shortest axis of the smaller body [-].
     pub largest_overlap: f64,
 }
 
-/// What makes a trial another.
+/// Settings of a trial.
 #[derive(Clone, Copy, Debug)]
 pub struct Variant<'a> {
-    /// The step is [`FIRST`] of the limit, halved so many times.
+    /// Number of halvings of the step, from [`FIRST`] of the limit.
     pub halvings: usize,
-    /// Which moved start; 0: unmoved.
+    /// Number of the moved start; 0 for the unmoved one.
     pub copy: u64,
-    /// Keys of `[contact]` in place of the scene's; none: the method `auto`.
+    /// Keys of `[contact]` in place of the scene's; empty for the method `auto`.
     pub contact: &'a [(&'a str, &'a str)],
-    /// With contacts of a tenth of the stiffness, and a step √10 times as long.
+    /// Are contacts a tenth as stiff, and the step √10 times as long?
     pub softer: bool,
-    /// It may not take longer [s].
+    /// Largest run time [s].
     pub longest: f64,
 }
 
@@ -85,21 +85,21 @@ impl Variant<'_> {
     }
 }
 
-/// What all trials of a scene have in common.
+/// Data common to all trials of a scene.
 #[derive(Debug)]
 pub struct Trials<'a> {
     pub(super) question: &'a Question<'a>,
-    /// The scene as it is.
+    /// The scene without changes.
     pub(super) scene: Scene,
-    /// The stable limit [s].
+    /// Stable limit [s].
     pub(super) limit: f64,
-    /// The longest step that is tried [s].
+    /// Longest step of a trial [s].
     pub(super) first: f64,
-    /// Steps of a trial with it.
+    /// Number of steps of a trial with it.
     pub(super) steps: u64,
     /// Particles at the start, and all of the rain if it has not begun.
     pub(super) particles: u64,
-    /// Steps of the stage that are behind the start, and time that is left of it [s].
+    /// Steps of the stage before the start, and time left of the stage [s].
     pub(super) behind: u64,
     pub(super) left: f64,
 }
@@ -108,7 +108,7 @@ impl<'a> Trials<'a> {
     /// Reads the scene and its start.
     ///
     /// # Errors
-    /// If they are wrong, or if there is no stable limit.
+    /// If they are invalid, or if there is no stable limit.
     pub fn new(question: &'a Question<'a>) -> Result<Self, Unanswered> {
         let (file, overrides) = (question.scene, question.overrides);
         let read = match question.start {
@@ -152,17 +152,17 @@ impl<'a> Trials<'a> {
         Ok(Self { question, scene, limit: limit.dt, first, steps, particles, behind, left })
     }
 
-    /// The stable limit [s].
+    /// Stable limit [s].
     pub const fn limit(&self) -> f64 {
         self.limit
     }
 
-    /// Time of a trial [s].
+    /// Duration of a trial [s].
     pub fn time(&self) -> f64 {
         self.steps as f64 * self.first
     }
 
-    /// Nothing to compare.
+    /// Error for trials without contacts to compare.
     pub(super) fn nothing(&self) -> Unanswered {
         Unanswered::Input(format!(
             "{}: no grains touch each other or a wall in the last fifth of the trial, which lasts {:.3e} s, so there is nothing to \
@@ -172,14 +172,14 @@ impl<'a> Trials<'a> {
         ))
     }
 
-    /// Steps between drops of the rain.
+    /// Steps between layers of rain.
     pub(super) fn rain_every(&self, rain: &Rain, dt: f64) -> u64 {
-        // Of the longest step, so that layers fall at the same moments with all of them.
+        // A multiple of the longest step, so that layers fall at the same moments with all steps.
         let every = (rain.every as f64 * self.scene.dt / self.first).round().max(1.0);
         (every * self.first / dt).round() as u64
     }
 
-    /// Runs one.
+    /// Runs a trial.
     ///
     /// # Errors
     /// If it cannot be run to its end.
@@ -203,8 +203,8 @@ impl<'a> Trials<'a> {
         self.go(&mut sim, (steps, u64::from(resumed)), variant.longest, &mut comm)
     }
 
-    /// Steps through a trial, and looks. The balance of energies begins after so many `unseen` steps: contacts that come from a
-    /// snapshot have no forces, and no energy, before the first.
+    /// Steps through a trial and measures. The energy balance begins after `unseen` steps: contacts from a snapshot have no
+    /// forces, and no energy, before the first step.
     fn go(
         &self,
         sim: &mut Simulation,
@@ -261,7 +261,7 @@ impl<'a> Trials<'a> {
         Ok(Answer { dt: sim.dt, steps, seconds, stress, coordination, missing, largest_overlap })
     }
 
-    /// The scene with another step, method or stiffness.
+    /// Scene with another step, method or stiffness.
     fn varied(&self, variant: &Variant, dt: f64) -> Result<Scene, Unanswered> {
         let mut root: Table = self.scene.text.parse().map_err(wrong)?;
         section(&mut root, "time").insert("step".to_owned(), Value::Float(dt));
@@ -292,15 +292,15 @@ fn wrong(error: impl Display) -> Unanswered {
     Unanswered::Input(error.to_string())
 }
 
-/// The same number with three digits, or a little less.
+/// The number rounded down to three digits.
 fn rounded_down(number: f64) -> f64 {
     let unit = 10.0_f64.powi(libm::log10(number).floor() as i32 - 2);
-    // Through decimal digits: its halves then have few, too.
+    // By decimal digits, so that its halves have few digits, too.
     let text = format!("{}e{}", (number / unit).floor(), libm::log10(unit).round());
     text.parse().unwrap_or(number)
 }
 
-/// The simulation at its start, and whether it goes on within a stage.
+/// Simulation at its start; true if it continues within a stage.
 fn started(scene: &Scene, start: Option<&Path>) -> Result<(Simulation, bool), Unanswered> {
     let mut comm = Alone::default();
     let mut sim = assemble::assemble(scene, &comm);
@@ -318,7 +318,7 @@ fn started(scene: &Scene, start: Option<&Path>) -> Result<(Simulation, bool), Un
     Ok((sim, start.is_some()))
 }
 
-/// Moves every particle a little.
+/// Moves every particle by a small random displacement.
 fn nudge(sim: &mut Simulation, seed: u64) {
     let particles = &mut sim.particles;
     let most = NUDGE * particles.library.least_inscribed_radius();
@@ -347,7 +347,7 @@ fn contacts_of(sim: &Simulation) -> [f64; 2] {
     [product, ends as f64 / particles.owned.max(1) as f64]
 }
 
-/// A table of this name, made if it is not there.
+/// Table of this name, created if it is missing.
 fn section<'a>(table: &'a mut Table, name: &str) -> &'a mut Table {
     let entry = table.entry(name.to_owned()).or_insert_with(|| Value::Table(Table::new()));
     if !entry.is_table() {
@@ -356,7 +356,7 @@ fn section<'a>(table: &'a mut Table, name: &str) -> &'a mut Table {
     entry.as_table_mut().expect("made a table above")
 }
 
-/// Makes all contacts a tenth as stiff.
+/// Reduces the stiffness of all contacts to a tenth.
 fn soften(root: &mut Table) {
     for name in ["material", "interaction"] {
         let list = root.get_mut(name).and_then(Value::as_array_mut);

@@ -1,4 +1,4 @@
-//! Which walls have a servo, and what it keeps: from the file as written.
+//! Walls with a servo and their targets, from the parsed file.
 
 use super::{LONGEST_MOVE, Planned, Walls, slower_by, stays_in_period, too_far, too_fast};
 use crate::cell::{AXES, Cell};
@@ -9,26 +9,26 @@ use crate::scene::mistakes::CELL;
 use crate::scene::reader::{Given, Section};
 use crate::walls::{Across, Wall};
 
-/// Parts of velocities along a direction, and of turns out of a plane, that are less than this are rounding.
+/// Smallest relevant part of velocities along a direction, and of turns out of a plane; below it is rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// What is asked of the walls of a servo of force, as far as that is not wrong.
+/// Settings of a servo of force for its walls, as far as they are valid.
 struct Push<'a> {
-    /// `along`, as it is given.
+    /// The key `along`, if it is given.
     given: Option<Given<'a>>,
-    /// The unit vector that it means.
+    /// Unit vector of `along`.
     along: Option<Vec3>,
-    /// May walls stand otherwise than the scene says, as a stage before has left them?
+    /// May walls stand elsewhere than in the scene, after an earlier stage?
     is_later: bool,
 }
 
-/// The stress that a servo of force [N] counts as where nothing is known of what its walls touch [Pa]: over the smallest side of
-/// the domain, whose corners are these [m].
+/// Stress of a servo of force [N] where the contact area of its walls is unknown [Pa]: over the smallest side of a domain
+/// with sides of these lengths [m].
 pub(in crate::scene) fn stress_of_force(force: f64, sides: &Vec3) -> f64 {
     force * sides.max() / sides.product()
 }
 
-/// The highest stress that servos keep [Pa]. Mistakes in them are reported where servos are read.
+/// Highest stress of all servos [Pa]. Errors in them are reported where servos are read.
 pub(in crate::scene) fn highest_stress(root: &Section) -> f64 {
     let corners = || {
         let domain = root.section("domain")?;
@@ -45,7 +45,7 @@ pub(in crate::scene) fn highest_stress(root: &Section) -> f64 {
 }
 
 impl Walls<'_> {
-    /// The servos; the walls hear of them. `dt` is the time step [s], if that and all shapes are known.
+    /// Reads the servos and marks their walls. `dt` is the time step [s], if it and all shapes are known.
     pub(in crate::scene) fn read_servos(
         &mut self,
         root: &Section,
@@ -60,7 +60,7 @@ impl Walls<'_> {
         Some(servos.into_iter().collect::<Option<Vec<_>>>()?.concat())
     }
 
-    /// The servos of one `[[servo]]`: one of all its walls, or one of each.
+    /// Servos of one `[[servo]]`: one for all its walls, or one for each.
     fn servo(
         &mut self,
         section: &Section,
@@ -96,7 +96,7 @@ impl Walls<'_> {
         Some(vec![servo(walls)])
     }
 
-    /// A wall that shall have a servo, of force if there is a `push`.
+    /// A wall for a servo, of force if there is a `push`.
     fn steered(
         &mut self,
         given: &Given,
@@ -154,7 +154,8 @@ impl Walls<'_> {
         Some(k)
     }
 
-    /// What is wrong if a servo of force and what moves a wall besides bring it too far in a step together, each being slow enough.
+    /// Error for a servo of force that moves a wall too far in a step together with its other motion, although each alone
+    /// is slow enough.
     fn too_fast_together(
         &self,
         walls: &[usize],
@@ -163,7 +164,7 @@ impl Walls<'_> {
         (domain, library, dt): (Option<&Cell>, &Library, Option<f64>),
     ) -> Option<String> {
         if matches!(goal, Goal::Stress(_)) {
-            // What it may have besides is along itself.
+            // Its other velocities lie in its plane.
             return None;
         }
         let (domain, dt) = (domain?, dt?);
@@ -186,7 +187,7 @@ impl Walls<'_> {
     }
 }
 
-/// What a servo shall keep; with what it asks of walls, if that is a force.
+/// Target of a servo, with its settings for walls if it is a force.
 fn goal<'a>(section: &Section<'a>, is_later: bool) -> (Option<Push<'a>>, Option<Goal>) {
     let stress = section.get("stress");
     let (force, given) = (section.get("force"), section.get("along"));
@@ -212,7 +213,7 @@ fn goal<'a>(section: &Section<'a>, is_later: bool) -> (Option<Push<'a>>, Option<
     (Some(Push { given, along, is_later }), goal)
 }
 
-/// Looks whether a servo of force can move a wall.
+/// Checks that a servo of force can move a wall.
 fn check_push(given: &Given, wall: &Wall, has_motion: bool, push: &Push, domain: Option<&Cell>) {
     let is_plane = wall.facets.len() == 1;
     let (_, normal) = wall.surface();
@@ -225,7 +226,7 @@ fn check_push(given: &Given, wall: &Wall, has_motion: bool, push: &Push, domain:
             );
             return;
         }
-        // What is wrong with it has been said.
+        // The error has been reported.
         (Some(_), None) => return,
     };
     let (velocity, turn) = (&wall.velocity, &wall.angular_velocity);
