@@ -1,4 +1,4 @@
-//! Work against precision of contact resolution: what a method costs and how far it is from the truth.
+//! Work against precision of contact resolution: cost and error of each method.
 //!
 //! ```text
 //! cargo bench --bench contact_work_precision                         prints; writes to target/
@@ -46,7 +46,7 @@ struct Arguments {
     /// Only these methods (part of the name), to profile them.
     #[arg(long, value_name = "NAME", default_value = "")]
     method: String,
-    /// What cargo says when it is asked for benchmarks, and not for tests.
+    /// Cargo passes this for benchmarks, but not for tests.
     #[arg(long, hide = true)]
     bench: bool,
 }

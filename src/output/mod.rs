@@ -195,7 +195,7 @@ impl SnapshotError {
         Self::Write { path: name_of(path), rank: comm.rank().0, cause: cause.to_string() }
     }
 
-    /// The same error as an error of the folder, for failures before anything is written.
+    /// Converts a write error into an error of the folder, for failures before anything is written.
     fn of_folder(self) -> Self {
         match self {
             Self::Write { path, cause, .. } => Self::Folder { path, cause },

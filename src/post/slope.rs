@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 pub enum Direction {
     /// A plane that rises or falls along x.
     X,
-    /// The same along y.
+    /// A plane that rises or falls along y.
     Y,
     /// A cone around the vertical through the centre of mass.
     Radial,
