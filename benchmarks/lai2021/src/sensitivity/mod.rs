@@ -1,9 +1,10 @@
-//! How the packings of section 3 depend on what the paper chose: erosion ratio and stiffness, in packings, in their rest
-//! and in their compression; the shape of the grains, gravity in the compression, the rate of the compression.
+//! Dependence of the packings of section 3 on the choices of the paper: erosion ratio and stiffness, in packings, in
+//! their rest and in their compression; the shape of the particles; gravity in the compression; the rate of the
+//! compression.
 //!
-//! | file | what it is |
+//! | file | content |
 //! |---|---|
-//! | [`cases`] | packings and tests run, so many at a time |
+//! | [`cases`] | runs of packings and tests, several at a time |
 //! | [`packings`] | the tables of packings: erosion, rest, aspect |
 //! | [`compressions`] | the tables of triaxial tests: response, gravity, rate |
 //! | [`table`] [`plot`] | tables, means, drawings |
@@ -20,7 +21,7 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
-/// What depends on what.
+/// A question of the sensitivity study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Question {
     /// Packings by erosion ratio and stiffness
@@ -37,7 +38,7 @@ pub enum Question {
     Rate,
 }
 
-/// What to run.
+/// Plan of the runs.
 #[derive(Args, Clone, Debug)]
 pub struct Plan {
     /// A part; may be repeated [default: all six]
@@ -79,10 +80,10 @@ impl Plan {
         self.lid.unwrap_or(if self.grains == 600 { 5 } else { 10 })
     }
 
-    /// Runs what is missing, from the checkout as current directory, and writes the tables. Says where they are.
+    /// Runs the missing cases, with the checkout as current directory, and writes the tables. Returns their folder.
     ///
     /// # Errors
-    /// A folder of a run with other words, a run that fails or is stopped, files that cannot be written or read.
+    /// If a folder has a run with other arguments, a run fails or is stopped, or a file cannot be written or read.
     pub fn run(&self, signals: &Signals) -> Result<PathBuf> {
         let out = self.out.clone().unwrap_or_else(|| "out/paper/sensitivity".into());
         let report = out.join("report");
@@ -114,5 +115,5 @@ impl Plan {
     }
 }
 
-/// A file, by its name and contents.
+/// Files, by name and content.
 type Files = Vec<(String, String)>;
