@@ -2,7 +2,7 @@
 //! packing.
 //!
 //! Random poses are uniform in both rotations and in the direction to the other body. In flush poses a face of one body lies
-//! on a face of the other, shifted by at most a quarter of the size and turned about the normal.
+//! on a face of the other. It is shifted by at most a quarter of the size and turned about the normal.
 
 use crate::measure::{self, Effort};
 use crate::methods::{Contestant, Family};

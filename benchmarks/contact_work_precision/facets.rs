@@ -1,8 +1,9 @@
 //! Exact overlap of two convex polyhedra, from all facets of their Minkowski difference.
 //!
-//! Each facet is a face of A, a face of B, or spanned by an edge of either whose arcs cross on the sphere of normals
-//! (Gregorius 2013, "The separating axis test between convex polyhedra", GDC). Their number grows with the product of
-//! the numbers of edges. The method is a reference, too slow for simulations.
+//! Each facet is a face of A, a face of B, or spanned by an edge of either. In the last case the arcs of the edges
+//! cross on the sphere of normals (Gregorius 2013, "The separating axis test between convex polyhedra", GDC). The
+//! number of facets grows with the product of the numbers of edges. The method is a reference, too slow for
+//! simulations.
 
 use dem_mpi::contact::Posed;
 use dem_mpi::math::Vec3;

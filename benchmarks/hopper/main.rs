@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 struct Arguments {
     #[arg(long, default_value_t = 1)]
     ranks: u32,
-    /// Where the runs go.
+    /// Folder of the runs.
     #[arg(long, value_name = "FOLDER", default_value = "target/hopper")]
     out: PathBuf,
     /// Write the table and the picture into this folder.

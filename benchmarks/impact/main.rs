@@ -35,30 +35,30 @@ use std::time::Instant;
 
 #[derive(Parser)]
 struct Arguments {
-    /// Centres of the settled grains.
+    /// File with the centres of the settled particles.
     #[arg(long, value_name = "FILE", conflicts_with = "grains")]
     state: Option<PathBuf>,
-    /// Pack so many first.
+    /// Number of particles to pack first.
     #[arg(long, value_name = "N", default_value_t = 25_000)]
     grains: u64,
-    /// Heights to compare with: time [s], and one column or more [m]; default: those of 25,000 grains.
+    /// Heights to compare with: time [s], and one column or more [m]; default: those for 25,000 particles.
     #[arg(long, value_name = "FILE")]
     reference: Option<PathBuf>,
-    /// Where the ball begins [m]; default: as in the file of the bed, or 0.06.
+    /// Initial height of the ball [m]; default: that in the file of the bed, or 0.06.
     #[arg(long, value_name = "Z", allow_hyphen_values = true)]
     height: Option<f64>,
-    /// How long [s].
+    /// Simulated time [s].
     #[arg(long, default_value_t = 0.035)]
     until: f64,
     #[arg(long, default_value_t = 1)]
     ranks: u32,
-    /// How many, each with the bed shifted a little.
+    /// Number of runs, each with the bed shifted a little.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     runs: u32,
-    /// Change a key of the scene, as with dem-mpi: the box of another bed, say. May be repeated.
+    /// Change a key of the scene, as with dem-mpi, for example the box of another bed. May be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Where the run goes.
+    /// Folder of the run.
     #[arg(long, value_name = "FOLDER", default_value = "target/impact")]
     out: PathBuf,
     /// Write the table and the picture into this folder.

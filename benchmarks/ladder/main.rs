@@ -41,7 +41,7 @@ struct Arguments {
     /// Count instructions, too.
     #[arg(long)]
     count: bool,
-    /// Count instructions and bytes, and fail where they are not those of the record; with a folder, take the record anew.
+    /// Count instructions and bytes, and fail where they differ from the record; with a folder, write a new record.
     #[arg(long)]
     check: bool,
     /// Time each rung beside the build of another commit, which stays under target/ladder.

@@ -21,7 +21,7 @@ struct Arguments {
     /// The scene.
     #[arg(long, default_value = "run/packing/scene.toml")]
     scene: PathBuf,
-    /// How many steps.
+    /// Number of steps.
     #[arg(long, default_value_t = 40_000)]
     steps: u64,
     /// Write the table and the plot into this folder.

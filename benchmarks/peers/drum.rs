@@ -29,7 +29,7 @@ const ALLOWED: f64 = 0.02;
 pub(crate) struct Options {
     #[command(flatten)]
     turns: Turns,
-    /// Steps in which the spheres come to flow before.
+    /// Steps before the measurement in which the spheres come to flow.
     #[arg(long)]
     flow: Option<u64>,
 }

@@ -57,7 +57,7 @@ enum Task {
         /// Time step [s].
         #[arg(long, default_value_t = 1e-7)]
         finest: f64,
-        /// Only so many spheres, those nearest to the corner of the box.
+        /// Only this number of spheres, those nearest to the corner of the box.
         #[arg(long)]
         corner: Option<usize>,
     },

@@ -25,7 +25,7 @@ pub(crate) struct Options {
     /// Also this program with narrower registers: AVX's, and those of every processor.
     #[arg(long)]
     registers: bool,
-    /// So many copies of the state side by side along x and along y: 7 make 980,000 spheres.
+    /// Copies of the state side by side along x and along y: 7 make 980,000 spheres.
     #[arg(long, default_value_t = 1)]
     tiles: u32,
 }
@@ -33,10 +33,10 @@ pub(crate) struct Options {
 /// Length and number of runs.
 #[derive(clap::Args)]
 pub(crate) struct Turns {
-    /// Steps of a run; one of a tenth goes before, so that the CPU time of the start can be left out.
+    /// Steps of a run; a run of a tenth precedes it, to subtract the CPU time of the start.
     #[arg(long, default_value_t = 1000)]
     steps: u64,
-    /// How often each code's turn comes.
+    /// Number of rounds, in each of which every code has one turn.
     #[arg(long, default_value_t = 9)]
     rounds: u32,
     /// Numbers of ranks.

@@ -8,10 +8,10 @@
 //! ```
 //!
 //! Each cell is run on one rank and on two (some on eight), which must agree in every bit. It must end with the theoretical
-//! result, be rejected, or be stopped or warned of with a message. A cell fails if it ends otherwise: off without a warning,
-//! not a number, hung or panicked. Each row defines its expected results from closed forms and conserved quantities. In
-//! every cell no particle may be lost, at most 1 % of the dissipated energy may be missing, and the first method must
-//! resolve 99 of 100 pairs.
+//! result, be rejected, be stopped with a message, or deviate with a warning. A cell fails if it deviates without a warning,
+//! has values that are not numbers, hangs or panics. Each row defines its expected results from closed forms and conserved
+//! quantities. In every cell no particle may be lost, and the energy error may be at most 1 % of the dissipated energy. The
+//! first method must resolve 99 of 100 pairs.
 
 mod cell;
 mod picture;
@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Parser)]
 struct Arguments {
-    /// Some cells, held against the record.
+    /// Some cells, compared with the record.
     #[arg(long)]
     quick: bool,
     /// Only rows whose name contains this.

@@ -13,7 +13,7 @@ pub(crate) const RADIUS: f64 = 0.01;
 pub(crate) const DENSITY: f64 = 2500.0;
 /// Gravity of scenes with gravity [m/s²].
 pub(crate) const G: f64 = 9.81;
-/// Mass of such a ball [kg].
+/// Mass of a ball of this radius and density [kg].
 pub(crate) const MASS: f64 = 4.0 / 3.0 * std::f64::consts::PI * RADIUS * RADIUS * RADIUS * DENSITY;
 
 /// Length of a time step.

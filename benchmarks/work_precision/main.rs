@@ -44,10 +44,10 @@ struct Arguments {
     /// Write table, plots and advice into this folder.
     #[arg(long, value_name = "FOLDER", default_value = "target/work_precision")]
     record: PathBuf,
-    /// Draws anew from the runs of a record that is there.
+    /// Write table, plots and advice again from the runs of an existing record.
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["quick", "only"])]
     again: Option<PathBuf>,
-    /// Try what `dem-mpi --suggest` proposes, on 10 seeds of three scenes; fails if fewer than 9 keep their error.
+    /// Try the proposals of `dem-mpi --suggest`, on 10 seeds of three scenes; fails if fewer than 9 keep their error.
     #[arg(long, conflicts_with = "again")]
     suggest: bool,
     /// Cargo passes this.

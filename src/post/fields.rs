@@ -443,8 +443,8 @@ impl Seam {
     }
 }
 
-/// Calls `tell` for the cells around a place, given from the corner of the grid [m], with their indices (also beyond the grid)
-/// and the weight at their centres.
+/// Calls `tell` for the cells around a place, given from the corner of the grid [m]. Arguments are the indices, also beyond the
+/// grid, and the weight at the centre of the cell.
 fn around(grid: &Grid, how: Smoothing, place: &Vec3, mut tell: impl FnMut([i64; 3], f64)) {
     let (sides, range) = (grid.sides, how.weight.range(how.width));
     let first: [i64; 3] = [0, 1, 2].map(|k| ((place[k] - range) / sides[k] - 0.5).ceil() as i64);
@@ -469,8 +469,8 @@ impl Spread {
         Self { grid, how, images, seam: Seam::of(header), near: Vec::new() }
     }
 
-    /// Calls `tell` for every cell near a point or an image of it, with the cell, its share, and the velocity of the image
-    /// relative to the body.
+    /// Calls `tell` for every cell near a point or an image of it. Arguments are the cell, its share, and the velocity of the
+    /// image relative to the body.
     fn point(&mut self, point: &Vec3, mut tell: impl FnMut(usize, f64, Vec3)) {
         let range = self.how.weight.range(self.how.width);
         let Self { grid, how, images, seam, near } = self;

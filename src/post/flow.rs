@@ -112,7 +112,7 @@ pub struct Rate {
     pub halves: Option<[f64; 2]>,
 }
 
-/// Flow through a plane, with counts of doubtful particles.
+/// Flow through a plane, with the numbers of particles whose passage is uncertain.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ThroughPlane {
     /// Cumulative flow at each snapshot.

@@ -21,7 +21,7 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::Path;
 
-/// Which measures to make.
+/// Requested measures.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Measures for process equipment")]
 pub struct Asked {
@@ -30,7 +30,7 @@ pub struct Asked {
     #[arg(long, value_name = "WIDTH")]
     fields: Option<Margin>,
 
-    /// How --fields spreads a grain: Lucy's polynomial up to twice the width, or a Gaussian up to three times
+    /// Weight of --fields: Lucy's polynomial up to twice the width, or a Gaussian up to three times
     #[arg(long, value_enum, default_value = "lucy", requires = "fields")]
     weight: Weight,
 

@@ -206,7 +206,7 @@ impl<'a> Turned<'a> {
 /// * otherwise at the outermost particle surface, even of a particle in flight.
 ///
 /// Slanted walls, walls of several planes, and walls of triangles, cylinders and cones do not bound the box. Reports warn where
-/// the box is doubtful for that reason; a region within the packing is not.
+/// the box is unreliable for that reason; a region within the packing is reliable.
 #[derive(Clone, Debug)]
 pub struct Extent {
     low: Vec3,

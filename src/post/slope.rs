@@ -3,9 +3,10 @@
 //! Seen from above, the packing is divided into square columns, one diameter of the largest shape wide. The height of the surface
 //! in a column is the top of the highest particle with its centre there; a column without particles has no surface. Columns are
 //! combined into strips one diameter wide, along an axis or around the vertical through the centre of mass. A line is fitted by
-//! least squares to the columns of all strips with a mean height between 20 and 80 % of the way from the lowest to the highest
-//! strip. Foot and top, which are round, are left out. The angle is `atan` of the slope, positive where the surface rises along
-//! the axis, or for a cone towards the middle. Particles without contacts are in flight and left out, unless no particle has any.
+//! least squares to the columns of some strips: those with a mean height between 20 and 80 % of the way from the lowest to the
+//! highest strip. Foot and top, which are round, are left out. The angle is `atan` of the slope, positive where the surface rises
+//! along the axis, or for a cone towards the middle. Particles without contacts are in flight and left out, unless no particle
+//! has any.
 
 use super::check;
 use super::errors::MeasureError;

@@ -30,7 +30,7 @@ enum Command {
     Generate {
         #[arg(value_enum)]
         case: Case,
-        /// How many random pairs to draw
+        /// Number of random pairs to draw
         #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
         count: u32,
         /// Seed of the random pairs: the same seed gives the same pairs on every machine

@@ -77,7 +77,7 @@ fn fairly_identical_curves_are_told_from_others() {
     assert_eq!(verdict(&stronger(1.5), "the whole curve"), Verdict::No);
     assert_eq!(verdict(&stronger(1.0), "volumetric strain fairly"), Verdict::Yes);
     assert_eq!(verdict(&stronger(2.0), "volumetric strain fairly"), Verdict::No);
-    // The same peak and plateau, at other strains.
+    // Equal peak and plateau, at other strains.
     let late = with(&|strain| usual((strain - 0.1).max(0.0)));
     assert_eq!(verdict(&late, "the whole curve"), Verdict::No);
 }
@@ -120,7 +120,7 @@ fn coordination_is_compared_with_the_paper_s() {
     assert_eq!(verdict(&runs(7.5, 6.9), "the difference in Z is smaller"), Verdict::Yes);
     assert_eq!(verdict(&runs(7.5, 7.53), "the difference in Z is smaller"), Verdict::No);
     let shift = "erosion's histogram is shifted";
-    // The same histogram: the claim of a smaller mean is not enough.
+    // Equal histograms: the claim of a smaller mean is not enough.
     assert_eq!(verdict(&runs(7.5, 7.5), shift), Verdict::No);
     let mut shifted = runs(7.5, 6.8);
     let numbers = shifted[0].packing.as_mut().map(|p| &mut p.coordination.without_walls);

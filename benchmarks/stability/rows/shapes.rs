@@ -96,7 +96,7 @@ fn tumbling(row: &'static str, ratio: f64, (kind, keys): (&str, String)) -> Cell
 fn packed(row: &'static str, ratio: f64, (kind, keys): (&str, String)) -> Cell {
     let tables = material("m", DENSITY, 1e4, "friction = 0.3\nrestitution = 0.3")
         + &shape("grain", kind, &keys);
-    // As wide as the longest particle.
+    // The spacing exceeds the length of the longest particle.
     let wide = 2.9 * RADIUS * ratio.powf(2.0 / 3.0);
     let mut random = Random::of(5, 0);
     let place = |k: u32| {

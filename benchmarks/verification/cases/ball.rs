@@ -74,7 +74,7 @@ radius = {radius:e}"#,
         }
     }
 
-    /// Throws the ball at the floor without gravity, in all [`Ways`]. The z component of the velocity must be
+    /// Throws the ball at the floor without gravity, in all `Ways`. The z component of the velocity must be
     /// negative.
     pub(crate) fn impact(&self, throw: &Throw, ways: &mut Ways, name: &str) -> Rebound {
         let dt = self.contact_time() / throw.steps_per_contact;

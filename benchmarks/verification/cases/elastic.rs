@@ -324,8 +324,8 @@ fn test_5(effort: Effort, ways: &mut Ways) -> Vec<Case> {
 }
 
 /// Velocities of the surface and of the spin after an elastic impact of steel on a rigid plane, over friction times normal
-/// velocity, from the same ratio before. It is computed independently of the program, with a part of Mindlin's tangential
-/// stiffness. Mass, normal velocity and the factor of `δ^(3/2)` are 1.
+/// velocity. `ratio` is the same quantity of the surface before. The result is computed independently of the program, with a part
+/// of Mindlin's tangential stiffness. Mass, normal velocity and the factor of `δ^(3/2)` are 1.
 fn with_part_of_mindlin(part: f64, ratio: f64, friction: f64) -> [f64; 2] {
     let tangential = part * 2.0 * (1.0 - STEEL.1) / (2.0 - STEEL.1) * 1.5;
     let (mut overlap, mut approach, mut surface) = (0.0_f64, 1.0, ratio * friction);

@@ -154,7 +154,7 @@ impl Setup {
         run(&self.scene(1), steps, every)
     }
 
-    /// Runs like [`Setup::run`] until the program stops with an error, which is returned as well.
+    /// Runs like `run` until the program stops with an error, which is returned as well.
     pub(crate) fn run_until_error(
         &self,
         steps: u64,
@@ -165,7 +165,7 @@ impl Setup {
         (parts.into_iter().map(in_order).collect(), error)
     }
 
-    /// Runs like [`Setup::run`] on several ranks.
+    /// Runs like `run` on several ranks.
     pub(crate) fn run_on(&self, ranks: u32, steps: u64, every: u64) -> Vec<Frame> {
         let scene = self.scene(ranks);
         let parts = threads::run(ranks, |comm| follow(&scene, comm, steps, every));

@@ -192,7 +192,7 @@ impl Report {
         ));
     }
 
-    /// The packing at the end, the balance of energies, and the time step.
+    /// The packing at the end, the energy balance, and the time step.
     fn state(&self, page: &mut Page) {
         let (packing, energy, resolution) = (&self.packing, &self.energy, &self.resolution);
         page.line(format_args!(

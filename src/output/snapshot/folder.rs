@@ -37,7 +37,7 @@ pub(super) fn list_with_times(directory: &Path, header: &Header) -> io::Result<(
     Ok(())
 }
 
-/// Reserves a directory for one run. No snapshot in it may be later than the step at which the run begins, and earlier ones are
+/// Reserves a directory for one run. No snapshot in it may be later than the step at which the run begins. Earlier ones are
 /// allowed only if the run continues from one of them. Files that no run wrote are not replaced. Collective.
 ///
 /// - `remove`: later snapshots are removed, and so are other outputs of an earlier run.

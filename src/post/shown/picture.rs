@@ -87,8 +87,8 @@ impl Outline {
     }
 }
 
-/// Silhouette of a body: its ends along x and z, and the farthest point beyond each side of the polygon, as long as it
-/// bulges by more than a hundredth of the body's size.
+/// Silhouette of a body: its ends along x and z, and the farthest point beyond each side of the polygon. Sides that bulge
+/// by less than a hundredth of the body's size have no further point.
 fn polygon(body: &Posed) -> Vec<Vector2<f64>> {
     const BULGE: f64 = 0.01;
     let farthest = |x: f64, z: f64| {

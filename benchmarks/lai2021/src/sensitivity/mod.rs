@@ -30,7 +30,7 @@ pub enum Question {
     Rest,
     /// Triaxial tests by erosion ratio and stiffness
     Response,
-    /// Packings by the shape of the grains
+    /// Packings by the shape of the particles
     Aspect,
     /// Triaxial tests with gravity and without
     Gravity,
@@ -44,16 +44,16 @@ pub struct Plan {
     /// A part; may be repeated [default: all six]
     #[arg(long, value_name = "PART", value_enum)]
     pub only: Vec<Question>,
-    /// So many packings of each kind in all but rate
+    /// Packings of each kind in all parts but rate
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
     pub seeds: u64,
-    /// Grains in rest and response: 600, or the paper's 5120
+    /// Particles in rest and response: 600, or the paper's 5120
     #[arg(long, value_name = "N", default_value_t = 600, value_parser = grains)]
     pub grains: u32,
-    /// Speed of the lid in response [mm/s] [default: 5, of 5120 grains 10]
+    /// Speed of the lid in response [mm/s] [default: 5, for 5120 particles 10]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=999))]
     pub lid: Option<u32>,
-    /// So many runs at a time, one core each
+    /// Runs at a time, one core each
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..))]
     pub jobs: u32,
     /// Where runs and report go [default: out/paper/sensitivity in the checkout]

@@ -1,6 +1,6 @@
 //! All statements of Lai et al. (2021) with their verdicts. Sections 2 and 3 follow from the findings of
-//! [`crate::single_contact`] and [`crate::triaxial`], the predictions of section 3.4 from the tables of the sensitivity
-//! study, and the conclusions of section 4 from the others.
+//! [`crate::single_contact`] and [`crate::triaxial`]. The predictions of section 3.4 follow from the tables of the
+//! sensitivity study. The conclusions of section 4 follow from the others.
 //!
 //! Advice (the choice of the erosion ratio) and visual similarity (to curves of medium dense sand) are left out.
 //!

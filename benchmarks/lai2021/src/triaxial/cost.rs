@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 /// Plan of the measurement.
 #[derive(Args, Clone, Debug)]
 pub struct Plan {
-    /// So many times in turn; medians count
+    /// Repetitions in turn; medians count
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     pub rounds: u32,
     /// The folder of the runs of `triaxial` [default: out/paper/triaxial in the checkout]
@@ -134,7 +134,7 @@ impl State {
         let last = |name: &str| history.last(name).with_context(|| format!("{what} has no {name}"));
         let near_misses = row.resolved_pairs as f64 / row.contacts as f64 - 1.0;
         let per_step = 1e3 / row.steps as f64;
-        // As many separate pairs as the run resolves; some methods resolve none.
+        // The number of separate pairs is that resolved by the run, for some methods none.
         let near = (near_misses * self.touching.len() as f64) as usize;
         let near = self.apart.some(&(0..near.min(self.apart.len())).collect::<Vec<_>>());
         self.rounds.push(Round {

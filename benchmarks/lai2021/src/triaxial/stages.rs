@@ -30,7 +30,7 @@ pub struct Plan {
     /// Another packing of the same kind [default: 1]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
-    /// So many packings of each kind: the tests go on from the first, the others, of the seeds after its own, say what is chance
+    /// Packings of each kind: the tests continue from the first; the others, with the seeds after its own, show the scatter
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=99))]
     pub packings: u32,
     /// Stiffness of all contacts [N/m]; the paper's is 1.5e5
@@ -178,7 +178,7 @@ impl Plan {
             }
         }
         if self.law == Springs::Hertz {
-            // As in its scenes, so that the arguments distinguish these runs from others.
+            // The scenes have this law already; as an argument it distinguishes these runs from others.
             for words in [&mut packing, &mut consolidation, &mut shear] {
                 words.set("law.normal", "hertz");
             }

@@ -3,8 +3,8 @@
 //! The volume of a body is distributed over layers as that of an ellipsoid of the same height: exactly for spheres and
 //! ellipsoids. The stress of a layer of volume V is `1/V Σ f ⊗ l s`. Here `s` is the share in the layer of the line between the
 //! centres, or from a centre to the foot on a wall. The mean over all layers is the stress of the whole packing. If an upright
-//! side of a region is between two particles, the line is the arm of the particle inside, from its centre to the contact point,
-//! as in the stress of the region.
+//! side of a region is between two particles, the line is the arm of the particle inside. It runs from the centre to the
+//! contact point, as in the stress of the region.
 
 use crate::math::{Mat3, Vec3};
 use crate::output::header::Header;
