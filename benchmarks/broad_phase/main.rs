@@ -1,12 +1,12 @@
-//! How the time of listing pairs grows with the number of particles, for equal and unequal sizes.
+//! Growth of the time of the pair search with the number of particles, for equal and unequal sizes.
 //!
 //! ```text
 //! cargo bench --bench broad_phase                        prints; a table and a plot go to target/
 //! cargo bench --bench broad_phase -- --record FOLDER     the same into this folder
 //! ```
 //!
-//! Balls stand at random, overlapping, with 0.6 of the box as their volume: as many close pairs as in a
-//! packing. The time is the least of several repeats.
+//! Balls are at random places and overlap; their volume is 0.6 of the box, so that there are as many
+//! close pairs as in a packing. The time is the shortest of several repeats.
 
 use benchmarking::lines::{self, Line};
 use clap::Parser;
@@ -36,12 +36,12 @@ struct Arguments {
 
 /// Largest radius over smallest.
 const RATIO: f64 = 20.0;
-/// Radii of a continuous distribution.
+/// Number of radii of a continuous distribution.
 const STEPS: u32 = 32;
 const SOLID: f64 = 0.6;
 const REPEATS: u32 = 7;
 
-/// Radii and the share of the particles, by number, that each gets.
+/// Radii, each with its share of the particles by number.
 type Mix = Vec<(f64, f64)>;
 
 fn mixes() -> [(&'static str, Mix); 4] {
@@ -57,7 +57,7 @@ fn mixes() -> [(&'static str, Mix); 4] {
     ]
 }
 
-/// So many balls of a mix at random places. Numbers of each size are exact, at least one.
+/// `count` balls of a mix at random places. Numbers of each size are exact, at least one.
 fn balls(mix: &Mix, count: usize) -> Particles {
     let total: f64 = mix.iter().map(|(_, share)| share).sum();
     let mut library = Library::default();

@@ -1,4 +1,4 @@
-//! Is the common normal ever not found, or another one found than that of least overlap?
+//! Count of pairs whose common normal is not found, or is not that of least overlap.
 
 use crate::pairs::{Pairs, direction};
 use crate::record;
@@ -10,24 +10,24 @@ use dem_mpi::random::Random;
 use dem_mpi::shape::{Ellipsoid, Shape};
 use std::path::Path;
 
-/// Pairs resolved together.
+/// Number of pairs resolved together.
 const CHUNK: u64 = 4096;
-/// Overlaps that differ by less are the same, relative to the longest semi-axis.
+/// Largest difference of equal overlaps, relative to the longest semi-axis.
 const ROUNDING: f64 = 1e-13;
 
 #[derive(Default)]
 struct Counted {
     pairs: u64,
-    /// Nobody but a fallback could tell.
+    /// Pairs passed on to a fallback.
     not_converged: u64,
     missed: u64,
-    /// Another start leads to less overlap.
+    /// Pairs for which another start leads to less overlap.
     wrong_minimum: u64,
     worst_overlap: f64,
 }
 
-/// Random ellipsoids of aspect ratios to 10, touching by up to 5 % of the short axis: new to each other, in a batch,
-/// and again one by one from the twelve ends of their axes.
+/// Random ellipsoids of aspect ratios up to 10, touching by up to 5 % of the short axis. They are resolved without a
+/// previous normal, in a batch, and again one by one from the twelve ends of their axes.
 pub(crate) fn run(pairs: u64, folder: Option<&Path>) -> anyhow::Result<()> {
     let before = load(3);
     let mut counted = Counted::default();
@@ -82,7 +82,7 @@ fn chunk(counted: &mut Counted, count: u64) {
     counted.pairs += count;
 }
 
-/// Semi-axes of 0.5 and of up to ten times that, the ratio by its logarithm.
+/// Semi-axes of 0.5 and of up to ten times that, uniform in the logarithm of the ratio.
 fn ellipsoid(random: &mut Random) -> Shape {
     let mut longer = || 0.5 * 10f64.powf(random.unit());
     Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(longer(), longer(), 0.5) })

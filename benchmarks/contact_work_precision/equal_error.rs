@@ -1,5 +1,5 @@
-//! The same method by us and by parry, at equal error: the fastest of our settings whose errors are no
-//! larger than parry's, which has one setting.
+//! Comparison of one method in this program and in parry at equal error: the fastest settings of this program with errors
+//! no larger than those of parry, which has one setting.
 
 use crate::measure::{Contacts, Spread, Start};
 use crate::methods::Family;
@@ -7,9 +7,9 @@ use crate::record;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Errors that differ by less, relatively, are equal: of 1,024 contacts, a percentile is not better known.
+/// Ratio below which errors count as equal: a percentile of 1,024 contacts is not known better.
 const EQUAL: f64 = 1.05;
-/// Erosion by as much as parry's, to a tolerance with which packings come to rest: with 1e-4 and more they shake for good.
+/// Erosion as large as parry's, with tolerances at which packings come to rest: with 1e-4 and more they keep shaking.
 const EROSION: [&str; 2] = ["5 % 1e-6", "5 % 5e-8"];
 /// Errors below are rounding.
 const ROUNDING: f64 = 4e-15;
@@ -44,8 +44,8 @@ pub(crate) fn write(folder: &Path, contacts: &[Contacts]) -> anyhow::Result<()> 
             writeln!(table, "{grain},{start},none,{}", theirs.entry.method)?;
             continue;
         };
-        // Of the lower quartiles, which other work on the machine disturbs least. Who knows that a start slows a method
-        // down does not give it.
+        // Lower quartiles, which other work on the machine disturbs least. A start that slows a method down is not used
+        // for it.
         let is_same = |c: &&Contacts| {
             c.entry.method == theirs.entry.method && c.entry.grain == theirs.entry.grain
         };
@@ -81,7 +81,7 @@ pub(crate) fn write(folder: &Path, contacts: &[Contacts]) -> anyhow::Result<()> 
     record::write_file(folder, "equal_error.csv", &table)
 }
 
-/// Contacts without an answer.
+/// Number of contacts without a result.
 fn lost(c: &Contacts) -> usize {
     c.missed + c.failed
 }

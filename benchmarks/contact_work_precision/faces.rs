@@ -1,7 +1,8 @@
-//! What contacts of faces cost: each touching pair, by the thickness of what they share and by EPA, and a step of a packing.
+//! Cost of contacts of faces: of each touching pair, by the thickness of the common part and by EPA, and of a step of a
+//! packing.
 //!
-//! Random poses are uniform in both rotations and in the direction to the other body; flush ones have a face of one on a face
-//! of the other, shifted by at most a quarter of the size and turned about their normal.
+//! Random poses are uniform in both rotations and in the direction to the other body. In flush poses a face of one body lies
+//! on a face of the other. It is shifted by at most a quarter of the size and turned about the normal.
 
 use crate::measure::{self, Effort};
 use crate::methods::{Contestant, Family};
@@ -26,10 +27,10 @@ use std::fmt::Write;
 use std::path::Path;
 use std::time::Instant;
 
-/// How deep pairs are in each other [short axes].
+/// Overlap of the pairs [short axes].
 const OVERLAP: f64 = 0.02;
 
-/// Measures all, prints it, and writes `faces.csv`, `packings.csv` and `machine.txt`.
+/// Measures and prints everything, and writes `faces.csv`, `packings.csv` and `machine.txt`.
 pub(crate) fn run(effort: &Effort, folder: &Path) -> anyhow::Result<()> {
     let before = load(3);
     let mut table = "solids,poses,method,ns_median,ns_quartile_1,ns_quartile_3\n".to_owned();
@@ -46,7 +47,7 @@ pub(crate) fn run(effort: &Effort, folder: &Path) -> anyhow::Result<()> {
     record::write_file(folder, "machine.txt", &format!("{machine}load before: {before}\n"))
 }
 
-/// Of one kind of pairs.
+/// Costs of one kind of pairs.
 fn pair_costs(
     name: &str,
     poses: &str,
@@ -72,7 +73,7 @@ fn pair_costs(
     Ok(())
 }
 
-/// With a short axis of 1.
+/// Solids with a short axis of 1.
 fn solids() -> Vec<(&'static str, Shape)> {
     let inner: Vec<Vec3> = (corners_of_box().iter())
         .map(|corner| corner - corner.map(f64::signum) * ROUNDING)
@@ -85,7 +86,7 @@ fn solids() -> Vec<(&'static str, Shape)> {
     ]
 }
 
-/// Of the rounded boxes.
+/// Rounding radius of the rounded boxes.
 const ROUNDING: f64 = 0.1;
 
 fn random(shape: &Shape, effort: &Effort) -> Pairs {
@@ -117,19 +118,19 @@ fn flush(shape: &Shape, effort: &Effort) -> Pairs {
     pairs
 }
 
-/// The normal of some face.
+/// Normal of a random face.
 fn face(faces: &Facets, random: &mut Random) -> Vec3 {
     let count = faces.planes().len();
     faces.planes()[((random.unit() * count as f64) as usize).min(count - 1)].normal
 }
 
-/// Half a turn about an axis across.
+/// Half a turn about a perpendicular axis.
 fn opposite(axis: &Vec3) -> Quat {
     let across = axis.cross(&Vec3::ith(axis.iamin(), 1.0)).normalize();
     rotation_about(&across, 0.5 * TAU)
 }
 
-/// Places B in this direction, seen from a point aside, so that it is [`OVERLAP`] nearer than where they first touch.
+/// Places B in this direction, seen from a point aside, [`OVERLAP`] nearer than the distance of first contact.
 fn push(pairs: &mut Pairs, shape: &Shape, quaternions: [Quat; 2], towards: &Vec3, aside: &Vec3) {
     let axes = frames(quaternions);
     let [a, b] = axes.each_ref().map(|frame| Posed::new(shape, frame));
@@ -145,12 +146,12 @@ fn push(pairs: &mut Pairs, shape: &Shape, quaternions: [Quat; 2], towards: &Vec3
     pairs.push_known([ShapeId(0); 2], quaternions, r, truth);
 }
 
-/// The contact methods of a scene.
+/// Contact methods of a scene.
 const METHODS: [&str; 2] = ["auto", "epa"];
-/// Steps timed together.
+/// Number of steps timed together.
 const STEPS: u32 = 500;
 
-/// A step of packings, by either method in turn, from the same state.
+/// Time of a step of packings, by either method in turn, from the same state.
 fn packings(effort: &Effort) -> anyhow::Result<String> {
     let mut table = "solids,contacts_auto,contacts_epa,us_per_step_auto,us_per_step_epa,ratio_median,ratio_least,ratio_largest\n".to_owned();
     println!(
@@ -185,7 +186,7 @@ fn packings(effort: &Effort) -> anyhow::Result<String> {
     Ok(table)
 }
 
-/// Lines of the shapes of packings: sizes of 1 m.
+/// Lines of the shapes of packings, with sizes of 1 m.
 fn shapes() -> [(&'static str, String); 3] {
     let vertices = |corners: Vec<Vec3>| {
         let corners: Vec<String> =
@@ -238,7 +239,7 @@ fn steps(sim: &mut Simulation, count: u32) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Where solids lie that have fallen into a box, as a file of particles.
+/// Positions of solids that have fallen into a box, as a file of particles.
 fn settled(shape: &str, effort: &Effort) -> anyhow::Result<String> {
     let fill = "[[fill.lattice]]\nfirst = [0.675, 0.675, 0.8]\ncount = [3, 3, 12]\nspacing = 1.35";
     let mut sim = begun(&scene(shape, "auto", fill)?)?;
@@ -255,7 +256,7 @@ fn settled(shape: &str, effort: &Effort) -> anyhow::Result<String> {
     Ok(file)
 }
 
-/// The same solids with another method of contacts.
+/// A packing of these solids with the given contact method.
 fn packing(shape: &str, method: &str, settled: &str) -> anyhow::Result<Simulation> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("grains.csv");

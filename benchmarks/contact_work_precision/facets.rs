@@ -1,8 +1,9 @@
-//! The exact overlap of two convex polyhedra: the facets of their Minkowski difference, one by one.
+//! Exact overlap of two convex polyhedra, from all facets of their Minkowski difference.
 //!
-//! Each is a face of A, a face of B, or spanned by an edge of either whose arcs cross on the sphere of normals
-//! (Gregorius 2013, "The separating axis test between convex polyhedra", GDC). Their number grows with the
-//! product of those of the edges: a reference, not a method.
+//! Each facet is a face of A, a face of B, or spanned by an edge of either. In the last case the arcs of the edges
+//! cross on the sphere of normals (Gregorius 2013, "The separating axis test between convex polyhedra", GDC). The
+//! number of facets grows with the product of the numbers of edges. The method is a reference, too slow for
+//! simulations.
 
 use dem_mpi::contact::Posed;
 use dem_mpi::math::Vec3;
@@ -15,15 +16,15 @@ struct Facet {
     height: f64,
 }
 
-/// An edge and the normals of the faces on both sides, in world axes.
+/// An edge and the normals of the two adjacent faces, in world axes.
 struct Edge {
     from: Vec3,
     along: Vec3,
     normals: [Vec3; 2],
 }
 
-/// Places B in this direction from A so that the overlap (a clearance along a facet, if negative) is as wanted. Returns
-/// the centre of B and the normal.
+/// Places B in this direction from A with the requested overlap (a clearance along a facet, if negative). Returns the
+/// centre of B and the normal.
 pub(crate) fn placed(a: &Posed, b: &Posed, towards: &Vec3, overlap: f64) -> (Vec3, Vec3) {
     // The overlap at a distance d is the least of `height - d normal · towards`.
     let far = facets(a, b).into_iter().filter(|facet| facet.normal.dot(towards) > 0.0);
@@ -53,7 +54,7 @@ fn facets(a: &Posed, b: &Posed) -> Vec<Facet> {
             let sides_b = [p.dot(&on_b.along), q.dot(&on_b.along)];
             let cross = sides_a[0] * sides_a[1] < 0.0 && sides_b[0] * sides_b[1] < 0.0;
             let across = on_a.along.cross(&on_b.along);
-            // The arcs cross, and not their antipodes.
+            // The arcs themselves cross, not their antipodes.
             let outward = across * across.dot(&(p + q)).signum();
             if cross && outward.dot(&(s + t)) > 0.0 {
                 let normal = outward.normalize();

@@ -1,4 +1,4 @@
-//! Work against precision of contact resolution: what a method costs and how far it is from the truth.
+//! Work against precision of contact resolution: cost and error of each method.
 //!
 //! ```text
 //! cargo bench --bench contact_work_precision                         prints; writes to target/
@@ -31,22 +31,22 @@ struct Arguments {
     /// Few pairs and few repeats.
     #[arg(long)]
     quick: bool,
-    /// Write the tables, the plots and what the machine was into this folder.
+    /// Write the tables, the plots and a description of the machine into this folder.
     #[arg(long, value_name = "FOLDER")]
     record: Option<PathBuf>,
-    /// Instead, count the failures of the common normal over so many random pairs.
+    /// Instead, count the failures of the common normal over this number of random pairs.
     #[arg(long, value_name = "PAIRS")]
     count: Option<u64>,
     /// Instead, time contacts of faces and packings of solids.
     #[arg(long)]
     faces: bool,
-    /// Only these grains (part of the name).
+    /// Only these shapes (part of the name).
     #[arg(long, value_name = "NAME", default_value = "")]
     grain: String,
     /// Only these methods (part of the name), to profile them.
     #[arg(long, value_name = "NAME", default_value = "")]
     method: String,
-    /// What cargo says when it is asked for benchmarks, and not for tests.
+    /// Cargo passes this for benchmarks, but not for tests.
     #[arg(long, hide = true)]
     bench: bool,
 }

@@ -1,4 +1,4 @@
-//! Errors and times of every method on the pairs of one grain.
+//! Errors and times of every method on the pairs of one shape.
 
 use crate::methods::{Contestant, Family};
 use crate::pairs::{Grain, Pairs, Truth, common_normal};
@@ -7,13 +7,13 @@ use dem_mpi::shape::Kind;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-/// How long to measure.
+/// Extent of the measurements.
 pub(crate) struct Effort {
     pub(crate) pairs: u64,
     pub(crate) rounds: usize,
-    /// How long a packing falls before it is timed [s].
+    /// Time for which a packing falls before it is timed [s].
     pub(crate) settling: f64,
-    /// A method runs at least this long at a time.
+    /// Least duration of one timing.
     least: Duration,
 }
 
@@ -24,12 +24,12 @@ impl Effort {
         Self { pairs: 128, rounds: 3, settling: 0.5, least: Duration::from_micros(5) };
 }
 
-/// What is known before.
+/// Previous knowledge of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Start {
     Cold,
-    /// The method's own normal, off by [`TURNED`], as a run remembers it; of a pair that is apart, and so has just come
-    /// apart, the true one.
+    /// The method's own normal, off by [`TURNED`], as it would be stored in a run. For separate pairs, which represent
+    /// pairs that have just separated, the true normal.
     Warm,
 }
 
@@ -44,24 +44,24 @@ impl Start {
     }
 }
 
-/// How far a grain turns in a step [rad].
+/// Rotation of a particle in a step [rad].
 const TURNED: f64 = 1e-4;
-/// Pairs timed together.
+/// Number of pairs timed together.
 const TOGETHER: usize = 256;
 /// Largest overlap and clearance [short axes].
 const DEEPEST: f64 = 0.05;
 const FARTHEST: f64 = 1.0;
-/// What the truth and the common normal may differ by, relative to the longest axis.
+/// Largest accepted difference between reference and common normal, relative to the longest axis.
 const ROUNDING: f64 = 2e-14;
 
-/// Nanoseconds per pair: the median over the rounds, and the quartiles; the mean over all pairs.
+/// Nanoseconds per pair: median and quartiles over the rounds, of the mean over all pairs.
 #[derive(Clone, Copy)]
 pub(crate) struct Time {
     pub(crate) median: f64,
     pub(crate) quartiles: [f64; 2],
 }
 
-/// Of the errors of many contacts.
+/// Distribution of the errors of many contacts.
 #[derive(Clone, Copy)]
 pub(crate) struct Spread {
     pub(crate) median: f64,
@@ -80,40 +80,40 @@ impl Spread {
     }
 }
 
-/// Who was measured on what.
+/// Measured method and pairs.
 #[derive(Clone)]
 pub(crate) struct Entry {
     pub(crate) grain: String,
     pub(crate) start: Start,
     pub(crate) family: Family,
     pub(crate) settings: String,
-    /// Both in one.
+    /// Family and settings in one text.
     pub(crate) method: String,
 }
 
-/// A method on touching pairs. Lengths in short axes.
+/// Results of a method on touching pairs. Lengths are in short axes.
 pub(crate) struct Contacts {
     pub(crate) entry: Entry,
     pub(crate) time: Time,
     pub(crate) overlap: Spread,
     pub(crate) relative_overlap: Spread,
-    /// [rad]
+    /// Angle between the normals [rad].
     pub(crate) normal: Spread,
     pub(crate) point: Spread,
     pub(crate) missed: usize,
     pub(crate) failed: usize,
 }
 
-/// A method on pairs that are apart.
+/// Results of a method on separate pairs.
 pub(crate) struct Rejections {
     pub(crate) entry: Entry,
     pub(crate) time: Time,
-    /// Said to touch.
+    /// Number of pairs reported as touching.
     pub(crate) spurious: usize,
     pub(crate) failed: usize,
 }
 
-/// Measures everything on one grain.
+/// Measures everything on one shape.
 pub(crate) fn grain(
     grain: &Grain,
     contestants: &[Contestant],
@@ -121,7 +121,7 @@ pub(crate) fn grain(
 ) -> (Vec<Contacts>, Vec<Rejections>) {
     let mut touching = Pairs::case_3(grain, effort.pairs, |unit| DEEPEST * unit);
     let apart = Pairs::case_3(grain, effort.pairs, |unit| -FARTHEST * unit);
-    // Polyhedra are placed by all facets of their difference: nothing is left to check.
+    // Polyhedra are placed by all facets of their difference, which needs no check.
     if grain.shape.kind() != Kind::Polyhedron {
         check(&mut touching, grain);
     }
@@ -157,9 +157,9 @@ pub(crate) fn grain(
     (contacts, rejections)
 }
 
-/// The pairs are what they were built to be: searches from the common normal's own start and from all axes
-/// of both bodies find the same overlap, and none finds less. Superellipsoids may have several minima: the
-/// least that is found is the truth.
+/// Checks that the pairs have the constructed overlap. Searches from the common normal's own start and from all axes of
+/// both bodies must find this overlap, and none less. Superellipsoids may have several minima; the least overlap found
+/// becomes the reference.
 fn check(pairs: &mut Pairs, grain: &Grain) {
     let rounding = ROUNDING * grain.shape.bounding_radius();
     for index in 0..pairs.truth.len() {
@@ -185,7 +185,7 @@ fn check(pairs: &mut Pairs, grain: &Grain) {
     }
 }
 
-/// What a method remembers of pairs: see [`Start::Warm`].
+/// Stored normals of the pairs, see [`Start::Warm`].
 pub(crate) fn warm(contestant: &Contestant, pairs: &Pairs) -> Vec<Geometry> {
     let found = resolve(contestant, pairs, &pairs.strangers());
     pairs.acquaintances(&found.contacts, TURNED)
@@ -197,8 +197,8 @@ pub(crate) fn resolve(contestant: &Contestant, pairs: &Pairs, geometry: &[Geomet
     found
 }
 
-/// The time of each method: in turn, again and again, so that a busy machine slows all of them; a few pairs at a time,
-/// so that few samples are interrupted.
+/// Time of each method. The methods run in turn, repeatedly, so that a busy machine slows all of them. They run on a
+/// few pairs at a time, so that few samples are interrupted.
 pub(crate) fn times(
     contestants: &[Contestant],
     pairs: &Pairs,

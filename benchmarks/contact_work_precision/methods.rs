@@ -1,4 +1,4 @@
-//! Who takes part, and with what settings.
+//! Compared methods, with their settings.
 
 use crate::parry::{Parry, ParryErosion};
 use dem_mpi::contact::{
@@ -15,15 +15,15 @@ pub(crate) enum Family {
     Epa,
     ParryErosion,
     Parry,
-    /// Of what both bodies share: another overlap, which is not compared with the others.
+    /// Thickness of the common part: another overlap, which is not compared with the others.
     Thickness,
 }
 
 impl Family {
-    /// Those that find one overlap.
+    /// Families that find one and the same overlap.
     pub(crate) const ALL: [Self; 5] =
         [Self::CommonNormal, Self::Erosion, Self::Epa, Self::ParryErosion, Self::Parry];
-    /// Ours, and the same method by parry.
+    /// A family of this program, and the same method in parry.
     pub(crate) const RIVALS: [(Self, Self); 2] =
         [(Self::Erosion, Self::ParryErosion), (Self::Epa, Self::Parry)];
 
@@ -60,7 +60,7 @@ impl Contestant {
     }
 }
 
-/// Every method with every setting that can resolve pairs of this shape.
+/// All methods and settings that can resolve pairs of this shape.
 pub(crate) fn contestants(shape: &Shape) -> Vec<Contestant> {
     let mut all = Vec::new();
     if shape.kind().is_ellipsoidal() {
@@ -73,7 +73,7 @@ pub(crate) fn contestants(shape: &Shape) -> Vec<Contestant> {
     }
     let paper = ErodedGjk::default();
     let ratios = [0.01, 0.02, 0.05, 0.1].map(|ratio| ErodedGjk { ratio, ..paper });
-    // The last is the tolerance of parry.
+    // The last tolerance is that of parry.
     let tolerances = [1e-3, 1e-4, 5e-8].map(|tolerance| ErodedGjk { tolerance, ..paper });
     for erosion in ratios.into_iter().chain(tolerances) {
         let settings = format!("{} % {:e}", 100.0 * erosion.ratio, erosion.tolerance);
@@ -87,7 +87,7 @@ pub(crate) fn contestants(shape: &Shape) -> Vec<Contestant> {
     all
 }
 
-/// A resolver without what it can do for many pairs at once.
+/// A resolver without its batch method for many pairs.
 struct OneByOne<R>(R);
 
 impl<R: ContactResolver> ContactResolver for OneByOne<R> {

@@ -1,4 +1,4 @@
-//! Random pairs whose overlap, normal and contact point are known because they were built from them.
+//! Random pairs whose overlap, normal and contact point are known by construction.
 
 use crate::facets;
 use dem_mpi::cell::Cell;
@@ -11,16 +11,16 @@ use dem_mpi::math::{Mat3, Quat, Vec3};
 use dem_mpi::random::Random;
 use dem_mpi::shape::{Ellipsoid, Form, Kind, Polyhedron, Shape, Superellipsoid};
 
-/// A shape under a name.
+/// A named shape.
 pub(crate) struct Grain {
     pub(crate) name: String,
     pub(crate) shape: Shape,
 }
 
-/// Short axis of every grain: the unit of length.
+/// Short axis of every shape: the unit of length.
 const SHORT_AXIS: f64 = 1.0;
 
-/// The grains of the benchmark, all with a short axis of 1 (of the polyhedra, about 1).
+/// Shapes of the benchmark, all with a short axis of 1 (about 1 for polyhedra).
 pub(crate) fn grains() -> Vec<Grain> {
     let half = 0.5 * SHORT_AXIS;
     let grain = |name: String, axes: [f64; 3]| Grain {
@@ -56,7 +56,7 @@ pub(crate) fn corners_of_box() -> Vec<Vec3> {
     (0..8).map(|k| Vec3::new(2.0 * sign(k, 0), 1.5 * sign(k, 1), sign(k, 2))).collect()
 }
 
-/// With edges of 0.66: 1 between opposite faces.
+/// Corners with edges of 0.66: a distance of 1 between opposite faces.
 pub(crate) fn corners_of_icosahedron() -> Vec<Vec3> {
     let golden = 0.5 * (1.0 + 5f64.sqrt());
     let signs = [-1.0, 1.0];
@@ -65,17 +65,17 @@ pub(crate) fn corners_of_icosahedron() -> Vec<Vec3> {
     turned.map(|p| Vec3::from(p) * (0.5 / 1.511_522_628_152_341)).collect()
 }
 
-/// What is known of a pair.
+/// Known geometry of a pair.
 #[derive(Clone, Copy)]
 pub(crate) struct Truth {
-    /// A clearance if negative [short axes].
+    /// Overlap, or clearance if negative [short axes].
     pub(crate) overlap: f64,
     pub(crate) normal: Vec3,
-    /// From the centre of A.
+    /// Contact point from the centre of A.
     pub(crate) point: Vec3,
 }
 
-/// Pairs of bodies of their own, as a rank holds them.
+/// Pairs of separate bodies, in the form in which a rank stores them.
 #[derive(Default)]
 pub(crate) struct Pairs {
     position: Vec<Vec3>,
@@ -97,10 +97,10 @@ impl Pairs {
         Self { library, curvature_radius, ..Self::default() }
     }
 
-    /// Two bodies with this overlap along this normal.
+    /// Adds two bodies with this overlap along this normal.
     ///
-    /// The normal is the common one, as it is that of both support points; that no other direction has a smaller
-    /// overlap is certain if the bodies do not touch, or by less than their least radii of curvature.
+    /// The normal is the common one, because it is that of both support points. No other direction has a smaller overlap
+    /// if the bodies do not touch, or touch by less than their least radii of curvature.
     pub(crate) fn push(
         &mut self,
         shapes: [ShapeId; 2],
@@ -117,7 +117,7 @@ impl Pairs {
         self.push_known(shapes, quaternions, r, truth);
     }
 
-    /// Two bodies of which this is known, with `r` from A to B.
+    /// Adds two bodies with known geometry, with `r` from A to B.
     pub(crate) fn push_known(
         &mut self,
         shapes: [ShapeId; 2],
@@ -140,8 +140,8 @@ impl Pairs {
         self.previous.push(Previous::at(pair as usize));
     }
 
-    /// As case III of Lai et al. (2021): both rotations and the line of centres uniform. Overlaps, or clearances
-    /// if negative, by `overlap` from a number uniform in (0, 1].
+    /// Pairs of case III of Lai et al. (2021): both rotations and the line of centres are uniform. `overlap` gives the
+    /// overlap (a clearance if negative) from a number uniform in (0, 1].
     pub(crate) fn case_3(grain: &Grain, count: u64, overlap: impl Fn(f64) -> f64) -> Self {
         let mut pairs = Self::of(vec![grain.shape.clone()]);
         for id in 0..count {
@@ -197,13 +197,13 @@ impl Pairs {
         (posed(pair.a), posed(pair.b), self.bodies().relative(pair))
     }
 
-    /// Nothing is known of the last step.
+    /// Empty memory of the last step for every pair.
     pub(crate) fn strangers(&self) -> Vec<Geometry> {
         vec![Geometry::default(); self.slots.len()]
     }
 
-    /// The normals of a step before, where a method found these: off by `turned` rad in a random direction. Of pairs that
-    /// are apart, the true ones.
+    /// Normals of the previous step: those that a method found, off by `turned` rad in a random direction; for separate
+    /// pairs, the true ones.
     pub(crate) fn acquaintances(&self, found: &Touching, turned: f64) -> Vec<Geometry> {
         let unless_it_touches =
             |truth: &Truth| if truth.overlap > 0.0 { Vec3::zeros() } else { truth.normal };
@@ -226,12 +226,12 @@ pub(crate) fn frames(quaternions: [Quat; 2]) -> [Mat3; 2] {
     quaternions.map(|q| q.to_rotation_matrix().into_inner())
 }
 
-/// Uniform on the sphere.
+/// A direction uniform on the sphere.
 pub(crate) fn direction(random: &mut Random) -> Vec3 {
     random.rotation() * Vec3::x()
 }
 
-/// The common normal from a given start, or from the method's own: of smooth bodies only.
+/// The common normal from a given start, or from the method's own; for smooth bodies only.
 pub(crate) fn common_normal(a: &Posed, b: &Posed, r: &Vec3, start: Option<&Vec3>) -> Outcome {
     if a.shape.kind().is_ellipsoidal() && b.shape.kind().is_ellipsoidal() {
         CommonNormal.touch(a, b, r, start)
@@ -240,8 +240,8 @@ pub(crate) fn common_normal(a: &Posed, b: &Posed, r: &Vec3, start: Option<&Vec3>
     }
 }
 
-/// The common normal of two bodies that touch by a hundredth of the short axis, with B in this direction from A:
-/// by bisection of the distance.
+/// The common normal of two bodies that touch by a hundredth of the short axis, with B in this direction from A. The
+/// distance is found by bisection.
 fn normal_along(shape: &Shape, frames: &[Mat3; 2], towards: &Vec3) -> Vec3 {
     let [a, b] = frames.each_ref().map(|frame| Posed::new(shape, frame));
     let mut normal = *towards;

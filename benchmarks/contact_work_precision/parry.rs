@@ -1,5 +1,5 @@
-//! `parry3d-f64`, asked through its own interface: of polyhedra its own convex polyhedron, of other shapes
-//! the support points.
+//! `parry3d-f64` through its own interface: polyhedra as its convex polyhedra, other shapes by support
+//! points.
 
 use dem_mpi::contact::{ContactResolver, ErodedGjk, Outcome, Posed, Touch, Why, touch_along};
 use dem_mpi::math::{Mat3, Vec3};
@@ -10,12 +10,12 @@ use parry3d_f64::query::details::contact_support_map_support_map_with_params;
 use parry3d_f64::query::gjk::{self, CsoPoint, GJKResult, VoronoiSimplex};
 use parry3d_f64::shape::{ConvexPolyhedron, SupportMap};
 
-/// GJK and EPA of parry. Its tolerances are constants.
+/// GJK and EPA of parry, with its constant tolerances.
 pub(crate) struct Parry {
     polyhedron: Option<ConvexPolyhedron>,
 }
 
-/// Erosion as [`ErodedGjk`] does it, but with parry's GJK.
+/// Erosion as in [`ErodedGjk`], but with parry's GJK.
 pub(crate) struct ParryErosion {
     shape: Parry,
     settings: ErodedGjk,
@@ -39,10 +39,10 @@ impl<S: SupportMap> SupportMap for Scaled<'_, S> {
     }
 }
 
-/// What parry wants to know of a pair.
+/// Description of a pair for parry.
 struct Question {
     turn_a: DQuat,
-    /// B seen from A.
+    /// Pose of B relative to A.
     pose: Pose,
     warm: Option<Vector>,
 }
@@ -77,12 +77,12 @@ impl Question {
                     point: ours(self.turn_a * (on_a + on_b)) * 0.5,
                 })
             }
-            // A failure of EPA looks the same.
+            // A failure of EPA is indistinguishable from this.
             _ => Outcome::Apart(0.0),
         }
     }
 
-    /// GJK alone.
+    /// Distance by GJK alone.
     fn distance(&self, a: &impl SupportMap, b: &impl SupportMap, most: f64) -> GJKResult {
         let start = self.warm.unwrap_or_else(|| self.pose.translation.normalize());
         let mut simplex = VoronoiSimplex::new();

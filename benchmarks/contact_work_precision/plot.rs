@@ -1,5 +1,5 @@
-//! Error against time on logarithmic axes, one drawing per grain. Joined, with their settings, is the Pareto
-//! front: the methods that no other beats in both.
+//! Error against time on logarithmic axes, one drawing per shape. The Pareto front, methods that no other
+//! method beats in both, is joined by a line and labelled with settings.
 
 use crate::measure::{Contacts, Spread, Start};
 use crate::methods::Family;
@@ -16,12 +16,12 @@ const GRID: RGBColor = RGBColor(0xE3, 0xE7, 0xEB);
 /// One panel [px].
 const PANEL: (u32, u32) = (480, 380);
 const LEGEND: u32 = 64;
-/// Of the names at points [px]: height of a line, width of a letter.
+/// Height of a line and width of a letter of the labels [px].
 const LETTER: (i32, i32) = (12, 6);
-/// Errors below are rounding, and drawn here.
+/// Smallest error drawn: those below are rounding.
 const LEAST: f64 = 1e-15;
 
-/// Okabe and Ito's colours.
+/// Colours of Okabe and Ito.
 const fn colour(family: Family) -> RGBColor {
     match family {
         Family::CommonNormal => RGBColor(0x00, 0x9E, 0x73),
@@ -33,7 +33,7 @@ const fn colour(family: Family) -> RGBColor {
     }
 }
 
-/// A disc of ours, a ring of others.
+/// A disc for methods of this program, a ring for others.
 fn mark(family: Family) -> ShapeStyle {
     let is_other = matches!(family, Family::ParryErosion | Family::Parry);
     if is_other { colour(family).stroke_width(2) } else { colour(family).filled() }
@@ -76,7 +76,7 @@ fn drawing(contacts: &[Contacts]) -> Result<String, Box<dyn Error>> {
         canvas.fill(&WHITE)?;
         let (top, panels) = canvas.split_vertically(LEGEND);
         legend(&top, contacts)?;
-        // The same for all panels.
+        // Axes that are common to all panels.
         let times = || contacts.iter().map(|contacts| contacts.time.median);
         let range = 0.7 * times().fold(f64::INFINITY, f64::min)..1.4 * times().fold(0.0, f64::max);
         let panels = panels.split_evenly((Start::BOTH.len(), ERRORS.len()));
@@ -159,7 +159,7 @@ fn panel(
         let (x, y) = pixel(dot);
         let name = &dot.contacts.entry.settings;
         let (width, height) = (LETTER.1 * name.len() as i32, LETTER.0);
-        // The nearest place around the point where nothing else is.
+        // The nearest free place around the point.
         let places = (0..6).flat_map(|k| {
             let (up, down) = (y - height - 3 - 13 * k, y + 3 + 13 * k);
             let (after, before, middle) = (x + 7, x - 7 - width, x - width / 2);
@@ -178,7 +178,7 @@ fn panel(
     Ok(())
 }
 
-/// By time; each is more accurate than all that are faster.
+/// The Pareto front by time: each method is more accurate than all faster ones.
 fn front<'a>(dots: &'a [Dot<'a>]) -> Vec<&'a Dot<'a>> {
     let mut by_time: Vec<&Dot> = dots.iter().filter(|dot| dot.error.is_finite()).collect();
     by_time.sort_by(|a, b| a.nanoseconds.total_cmp(&b.nanoseconds));

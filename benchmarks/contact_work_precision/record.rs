@@ -1,4 +1,4 @@
-//! Tables, on the screen and in files, and what the machine was.
+//! Tables, on the screen and in files, with a description of the machine.
 
 use crate::measure::{Contacts, Entry, Rejections, Spread, Time};
 use anyhow::Context;
@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-/// What was measured on one grain.
+/// Prints the results on one shape.
 pub(crate) fn print(contacts: &[Contacts], rejections: &[Rejections]) {
     println!(
         "\n{:<22} {:<4} {:<25} {:>8} {:>17}  {:>26}  {:>26}  {:>26}  missed failed  {:>9} spurious",
@@ -49,7 +49,7 @@ pub(crate) fn write(
     rejections: &[Rejections],
     load_before: &str,
 ) -> anyhow::Result<()> {
-    // Before the tables: they are changes to the commit.
+    // Before the tables are written: they count as changes to the commit.
     let machine = machine();
     let mut table =
         String::from("grain,start,method,settings,ns_median,ns_quartile_1,ns_quartile_3");
@@ -97,7 +97,7 @@ pub(crate) fn write_file(folder: &Path, name: &str, text: &str) -> anyhow::Resul
     fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Processor, kernel, compiler, commit and load now.
+/// Processor, kernel, compiler, commit and present load.
 pub(crate) fn machine() -> String {
     let field = |name: &str| machine::processor(name).unwrap_or_else(|| "unknown".into());
     let said = |program, arguments: &[&str]| {

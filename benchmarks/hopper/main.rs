@@ -1,5 +1,6 @@
-//! A rectangular hopper with a flat floor and a slot: Anand et al. (2008), "Predicting discharge dynamics from a rectangular hopper using the
-//! discrete element method", DOI 10.1016/j.ces.2008.08.015, as the examples of Lethe run it (`examples/dem/3d-rectangular-hopper`). The rate beside Lethe's.
+//! A rectangular hopper with a flat floor and a slot: Anand et al. (2008), "Predicting discharge dynamics from a rectangular
+//! hopper using the discrete element method", DOI 10.1016/j.ces.2008.08.015, in the version of the Lethe examples
+//! (`examples/dem/3d-rectangular-hopper`). The discharge rate is compared with that of Lethe.
 //!
 //! ```text
 //! cargo bench --bench hopper                       an hour on one core
@@ -7,7 +8,8 @@
 //! cargo bench --bench hopper -- --record FOLDER    the table and the picture into this folder
 //! ```
 //!
-//! It fails if the rate is more than 5 % off that of Lethe. A run that was stopped goes on when it is called again with the same words.
+//! The benchmark fails if the rate is more than 5 % off that of Lethe. An interrupted run continues when it is called again with
+//! the same arguments.
 
 use anyhow::ensure;
 use benchmarking::lines::{self, Line};
@@ -24,7 +26,7 @@ use std::path::{Path, PathBuf};
 struct Arguments {
     #[arg(long, default_value_t = 1)]
     ranks: u32,
-    /// Where the runs go.
+    /// Folder of the runs.
     #[arg(long, value_name = "FOLDER", default_value = "target/hopper")]
     out: PathBuf,
     /// Write the table and the picture into this folder.
@@ -36,14 +38,14 @@ struct Arguments {
 }
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benchmarks/hopper");
-/// Of Lethe, in g/s of a slice of 5.6 mm, the depth of the paper: a sixth of this hopper.
+/// Rate of Lethe [g/s], for a slice of 5.6 mm, the depth in the paper: a sixth of this hopper.
 const LETHE: f64 = 84.94;
 const SLICES: f64 = 6.0;
-/// The largest difference to it that is allowed.
+/// Largest accepted relative difference.
 const TOLERANCE: f64 = 0.05;
-/// A grain has left once it is a radius below the floor, as Lethe counts.
+/// A particle has left once it is a radius below the floor, the criterion of Lethe.
 const BELOW: Plane = Plane { axis: 2, at: -1.12e-3, up: false };
-/// After the opening, as Lethe's [s].
+/// Window of the rate, after the opening, as in Lethe [s].
 const WINDOW: Window = Window { from: 0.25, to: 0.75 };
 
 fn main() -> anyhow::Result<()> {
@@ -86,7 +88,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Mass that has left by time [s, g of a slice].
+/// Mass of a slice that has left, by time [s, g].
 fn table(rows: &[Passed]) -> anyhow::Result<String> {
     let mut text = "time_s,grains,mass_of_a_slice_g\n".to_owned();
     for row in rows {
@@ -98,7 +100,7 @@ fn table(rows: &[Passed]) -> anyhow::Result<String> {
 fn draw(path: &Path, rows: &[Passed]) -> anyhow::Result<()> {
     let points = rows.iter().map(|row| (row.time_s, 1e3 * row.mass_kg / SLICES)).collect();
     let end = rows.last().map_or(1.0, |row| row.time_s);
-    // Through the middle of the window.
+    // The line passes through the middle of the window.
     let at = |time: f64| {
         let here =
             rows.iter().min_by(|a, b| (a.time_s - 0.5).abs().total_cmp(&(b.time_s - 0.5).abs()));

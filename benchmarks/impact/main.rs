@@ -1,5 +1,6 @@
 //! A steel ball strikes a bed of spheres: the third case of Dosta et al. (2024), "Comparing open-source DEM frameworks for
-//! simulations of common bulk processes", DOI 10.1016/j.cpc.2023.109066. The height of the ball beside that of LIGGGHTS and MUSEN.
+//! simulations of common bulk processes", DOI 10.1016/j.cpc.2023.109066. The height of the ball is compared with that of LIGGGHTS
+//! and MUSEN.
 //!
 //! ```text
 //! cargo bench --bench impact -- --state FILE       from the paper's bed of 25,000 spheres: 4 minutes on one core
@@ -11,13 +12,14 @@
 //! cargo bench --bench impact -- --record FOLDER    the table and the picture into this folder
 //! ```
 //!
-//! The state is `Case3_PenetrationTest_25000_Particles.txt` of the paper's data, DOI 10.5281/zenodo.8252892: a line of words, then
-//! `radius x y z` of each sphere. A CSV file `x,y,z` is read, too. Where the file has a sphere as large as the ball, the ball begins at its height.
-//! It fails if the ball is more than 1 mm off the height of another code. A run that was stopped goes on when it is called again with the same words;
-//! a folder with a run of another bed or with other keys is refused.
+//! The state is `Case3_PenetrationTest_25000_Particles.txt` of the paper's data, DOI 10.5281/zenodo.8252892: a header line, then
+//! `radius x y z` of each sphere. A CSV file `x,y,z` is also accepted. If the file has a sphere as large as the ball, the ball
+//! begins at its height. The benchmark fails if the ball is more than 1 mm off the height of another code. An interrupted run
+//! continues when it is called again with the same arguments; a folder with a run of another bed or with other keys is rejected.
 //!
-//! Where the ball meets the floor chaos begins: runs of this program whose beds differ by no more than the last digit of the data part by up
-//! to 1.5 mm until 35 ms. So one run cannot tell two codes apart there; the paper takes the mean of ten, `--runs` of as many as it is told.
+//! The motion is chaotic once the ball meets the floor. Runs of this program whose beds differ only in the last digit of the data
+//! differ by up to 1.5 mm until 35 ms. One run therefore cannot distinguish two codes there; the paper takes the mean of ten,
+//! `--runs` that of any number.
 
 use anyhow::{Context, ensure};
 use benchmarking::lines::{self, Line};
@@ -33,30 +35,30 @@ use std::time::Instant;
 
 #[derive(Parser)]
 struct Arguments {
-    /// Centres of the settled grains.
+    /// File with the centres of the settled particles.
     #[arg(long, value_name = "FILE", conflicts_with = "grains")]
     state: Option<PathBuf>,
-    /// Pack so many first.
+    /// Number of particles to pack first.
     #[arg(long, value_name = "N", default_value_t = 25_000)]
     grains: u64,
-    /// Heights to compare with: time [s], and one column or more [m]; default: those of 25,000 grains.
+    /// Heights to compare with: time [s], and one column or more [m]; default: those for 25,000 particles.
     #[arg(long, value_name = "FILE")]
     reference: Option<PathBuf>,
-    /// Where the ball begins [m]; default: as in the file of the bed, or 0.06.
+    /// Initial height of the ball [m]; default: that in the file of the bed, or 0.06.
     #[arg(long, value_name = "Z", allow_hyphen_values = true)]
     height: Option<f64>,
-    /// How long [s].
+    /// Simulated time [s].
     #[arg(long, default_value_t = 0.035)]
     until: f64,
     #[arg(long, default_value_t = 1)]
     ranks: u32,
-    /// How many, each with the bed shifted a little.
+    /// Number of runs, each with the bed shifted a little.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     runs: u32,
-    /// Change a key of the scene, as with dem-mpi: the box of another bed, say. May be repeated.
+    /// Change a key of the scene, as with dem-mpi, for example the box of another bed. May be repeated.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Where the run goes.
+    /// Folder of the run.
     #[arg(long, value_name = "FOLDER", default_value = "target/impact")]
     out: PathBuf,
     /// Write the table and the picture into this folder.
@@ -71,25 +73,25 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_dem-mpi");
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benchmarks/impact");
 /// Time step of the scene [s].
 const STEP: f64 = 5e-7;
-/// Of the scene [m/s²].
+/// Gravity of the scene [m/s²].
 const GRAVITY: f64 = 9.81;
-/// Radius of a grain [m].
+/// Radius of a particle [m].
 const RADIUS: f64 = 1e-3;
-/// Where the ball begins if nobody says it [m].
+/// Default initial height of the ball [m].
 const HEIGHT: f64 = 0.06;
 /// Velocity of the ball [m/s].
 const VELOCITY: f64 = -5.0;
 /// Radius of the ball [m].
 const BALL_RADIUS: f64 = 0.01;
-/// When other runs than the first begin, at the latest, if the ball falls freely until then [s].
+/// Latest begin of runs after the first, with the ball in free fall until then [s].
 const LATE: f64 = 0.02;
-/// Heights are written after whole multiples of this [s].
+/// Interval of the written heights [s].
 const EVERY: f64 = 1e-3;
-/// Times that are nearer are the same [s].
+/// Times that differ by less count as equal [s].
 const SAME: f64 = 1e-6;
-/// By how much at most the grains of other runs than the first are shifted along each axis: the last digit of the data [m].
+/// Largest shift of the particles along each axis in runs after the first: the last digit of the data [m].
 const SHIFT: f64 = 1e-9;
-/// How far the height may be off that of any other code [m].
+/// Largest accepted difference of the height from that of any other code [m].
 const TOLERANCE: f64 = 1e-3;
 
 fn main() -> anyhow::Result<()> {
@@ -152,7 +154,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Centres of grains, and the height of the ball if it is there, from a file of numbers with a line of words above [m].
+/// Centres of particles, and the height of the ball if present, from a file of numbers below a header line [m].
 fn read_bed(path: &Path) -> anyhow::Result<(Vec<Vec3>, Option<f64>)> {
     let text =
         std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -176,14 +178,14 @@ fn read_bed(path: &Path) -> anyhow::Result<(Vec<Vec3>, Option<f64>)> {
     Ok((centres, ball))
 }
 
-/// The bed of a run: of the first as it is.
+/// Bed of a run; that of the first is not shifted.
 fn shifted(centres: &[Vec3], run: u32) -> Vec<Vec3> {
     let shift = if run == 0 { 0.0 } else { SHIFT };
     let mut random = Random::of(u64::from(run), 0);
     centres.iter().map(|centre| centre + Vec3::from_fn(|_, _| shift * random.signed())).collect()
 }
 
-/// The mean height at each time, and the standard deviation of a run where there are several [s, m].
+/// Mean height at each time, and the standard deviation of several runs [s, m].
 fn mean(all: &[Vec<(f64, f64)>]) -> (Vec<(f64, f64)>, Vec<Option<f64>>) {
     let of_time = |&(time, _): &(f64, f64)| {
         let now = |(then, _): &&(f64, f64)| (then - time).abs() < SAME;
@@ -197,7 +199,7 @@ fn mean(all: &[Vec<(f64, f64)>]) -> (Vec<(f64, f64)>, Vec<Option<f64>>) {
     all[0].iter().map(of_time).unzip()
 }
 
-/// Lets soft grains rain into the box until they rest.
+/// Lets soft particles rain into the box until they rest.
 fn pack(grains: u64, ranks: u32, out: &Path) -> anyhow::Result<Vec<Vec3>> {
     let count = format!("fill.rain.count={grains}");
     simulate(PROGRAM, &Path::new(FOLDER).join("packing.toml"), out, ranks, &[&count])?;
@@ -205,13 +207,13 @@ fn pack(grains: u64, ranks: u32, out: &Path) -> anyhow::Result<Vec<Vec3>> {
     Ok(reader.particles(0..reader.particle_count())?.position)
 }
 
-/// The time step, of the scene if these keys do not set it [s].
+/// Time step: that of the scene unless these keys set it [s].
 fn step_of(set: &[String]) -> anyhow::Result<f64> {
     let set = set.iter().rev().find_map(|key| key.strip_prefix("time.step="));
     set.map_or(Ok(STEP), |text| text.parse().with_context(|| format!("time.step={text}")))
 }
 
-/// How long the ball falls before it comes near to the bed, at most [`LATE`] [s].
+/// Time for which the ball falls before it comes near the bed, at most [`LATE`] [s].
 fn while_it_falls(centres: &[Vec3], height: f64) -> f64 {
     let top = centres.iter().map(|centre| centre.z).fold(f64::NEG_INFINITY, f64::max) + RADIUS;
     let times = (0..=(LATE / EVERY).round() as u32).rev().map(|k| EVERY * f64::from(k));
@@ -219,12 +221,12 @@ fn while_it_falls(centres: &[Vec3], height: f64) -> f64 {
     times.into_iter().find(is_above).unwrap_or(0.0)
 }
 
-/// Height of the ball that began at some height, as long as it falls freely [m].
+/// Height of a ball in free fall from an initial height [m].
 fn after_fall(height: f64, time: f64) -> f64 {
     height + VELOCITY * time - 0.5 * GRAVITY * time * time
 }
 
-/// Grains at rest, and the ball from a height [m] after some time of free fall [s], as a file of particles.
+/// Particles at rest, and the ball after some time of free fall from a height [m, s], as a file of particles.
 fn state(centres: &[Vec3], height: f64, fallen: f64) -> String {
     let grains = centres.iter().map(|c| format!("{:?},{:?},{:?},0,0,0,grain\n", c.x, c.y, c.z));
     let (z, velocity) = (after_fall(height, fallen), VELOCITY - GRAVITY * fallen);
@@ -233,7 +235,7 @@ fn state(centres: &[Vec3], height: f64, fallen: f64) -> String {
     std::iter::once(head).chain(grains).chain([ball]).collect()
 }
 
-/// Writes what a run begins with. A folder with a run of another bed, or with other keys, is refused.
+/// Writes the initial files of a run. A folder with a run of another bed, or with other keys, is rejected.
 fn begin_or_go_on(folder: &Path, state: &str, keys: &str) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder)?;
     let is_begun = folder.join("out").exists();
@@ -249,7 +251,7 @@ fn begin_or_go_on(folder: &Path, state: &str, keys: &str) -> anyhow::Result<()> 
     Ok(())
 }
 
-/// Heights of the ball by time, of a run that begins at some time: it is the last particle [s, m].
+/// Heights of the ball by time, for a run that begins at some time; the ball is the last particle [s, m].
 fn heights(out: &Path, begins: f64) -> anyhow::Result<Vec<(f64, f64)>> {
     let of = |path: &PathBuf| {
         let reader = Reader::open(path)?;
@@ -260,7 +262,7 @@ fn heights(out: &Path, begins: f64) -> anyhow::Result<Vec<(f64, f64)>> {
     series::all(out)?.iter().map(of).collect()
 }
 
-/// Of each time [s] the heights of all codes [m].
+/// Heights of all codes at each time [s, m].
 type Heights = Vec<(f64, Vec<f64>)>;
 
 /// Names of codes, and their heights.
@@ -278,11 +280,11 @@ fn read_reference(path: &Path) -> anyhow::Result<(Vec<String>, Heights)> {
 
 struct Table {
     text: String,
-    /// Largest difference to each code [m].
+    /// Largest difference from each code [m].
     worst: Vec<f64>,
 }
 
-/// All heights at the times that both have.
+/// All heights at the times common to both.
 fn table(
     codes: &[String],
     reference: &[(f64, Vec<f64>)],

@@ -1,4 +1,5 @@
-//! Times of each rung beside those of the build of another commit, in turns: the paths that valgrind does not know have no other guard.
+//! Times of each rung beside those of the build of another commit, in turns. Code with instructions unknown to valgrind has no
+//! other guard.
 
 use super::{ALONG, RUNGS, median};
 use anyhow::{Context, ensure};
@@ -14,7 +15,7 @@ const ROUNDS: usize = 9;
 struct Line<'a> {
     commit: &'a str,
     rung: &'static str,
-    /// Medians, per particle and step [ns].
+    /// Medians per particle and step [ns].
     now: f64,
     then: f64,
     /// Median, least and largest of the ratios of rounds [-].
@@ -23,9 +24,9 @@ struct Line<'a> {
     largest: f64,
 }
 
-/// Builds the ladder of today with the library of the commit, and takes turns with it.
+/// Builds the present ladder with the library of the commit, and times both in turns.
 pub(super) fn time(commit: &str, record: Option<&Path>) -> anyhow::Result<()> {
-    // A branch or HEAD is another commit tomorrow.
+    // The hash is needed: a branch or HEAD may later be another commit.
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let commit = run(root, "git", &["rev-parse", "--short", &format!("{commit}^{{commit}}")])?;
     let commit = commit.trim();
@@ -46,7 +47,7 @@ pub(super) fn time(commit: &str, record: Option<&Path>) -> anyhow::Result<()> {
         let [now, then] = times.map(|mut times| per_body * median(&mut times));
         let ratio = median(&mut ratios);
         println!("{:<40} {now:>8.1} {then:>10.1} {ratio:>6.3}", rung.name);
-        // In order since their median was taken.
+        // Sorted since their median was taken.
         let [least, largest] = [ratios[0], ratios[ROUNDS - 1]];
         lines.push(Line { commit, rung: rung.name, now, then, ratio, least, largest });
     }
@@ -66,7 +67,7 @@ fn timed(program: &Path, rung: usize) -> anyhow::Result<f64> {
     })
 }
 
-/// The ladder with the library of a commit, in a tree of its own.
+/// Builds the ladder with the library of a commit, in a separate tree.
 fn built(commit: &str) -> anyhow::Result<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let tree = root.join("target/ladder").join(commit);
@@ -93,7 +94,7 @@ fn built(commit: &str) -> anyhow::Result<PathBuf> {
     Ok(program.context("cargo built no ladder")?.into())
 }
 
-/// Output of a program; its errors go to ours.
+/// Output of a program; its errors go to those of this process.
 fn run(folder: &Path, program: &str, arguments: &[&str]) -> anyhow::Result<String> {
     let output = Command::new(program)
         .args(arguments)

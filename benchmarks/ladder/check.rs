@@ -1,5 +1,5 @@
-//! Instructions and bytes of each rung against those on record. The record is of builds with `lto = false`, as `.ci/run` makes them; a release has
-//! 0.2 % fewer instructions.
+//! Comparison of instructions and bytes of each rung with the record. The record is of builds with `lto = false`, as in
+//! `.ci/run`; a release has 0.2 % fewer instructions.
 
 use super::{ALONG, RUNGS, Rung, Runner, bytes, instructions};
 use anyhow::{Context, bail};
@@ -7,23 +7,23 @@ use dem_mpi::comm::threads;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The record, from the root of the project.
+/// Folder of the record, from the root of the project.
 const RECORD: &str = "benchmarks/records/2026-11-ladder";
 const FILE: &str = "guard.csv";
-/// A number may be off so far [-]. Counts on one rank repeat to the last digit.
+/// Largest accepted relative deviation [-]. Counts on one rank repeat to the last digit.
 const TOLERANCE: f64 = 0.01;
 
-/// A line of the record; per particle, and per step.
+/// A line of the record, per particle and per step.
 #[derive(Debug, Serialize, Deserialize)]
 struct Line {
     rung: String,
     ranks: u32,
     bytes: u64,
-    /// `None` where the program has an instruction that callgrind does not know.
+    /// `None` if the program has an instruction that callgrind does not know.
     instructions: Option<u64>,
 }
 
-/// Counts and compares, or takes the record anew.
+/// Counts and compares, or writes a new record.
 pub(super) fn check(anew: Option<&Path>) -> anyhow::Result<()> {
     let on_two = RUNGS.iter().position(|rung| rung.servo).context("a rung has a servo")?;
     let cases = (0..RUNGS.len()).map(|k| (k, 1)).chain([(on_two, 2)]);
@@ -89,7 +89,7 @@ fn counted(rung: usize, ranks: u32) -> anyhow::Result<Line> {
     Ok(Line { rung: name.to_owned(), ranks, bytes, instructions })
 }
 
-/// Steps of a rung on several ranks.
+/// Runs steps of a rung on several ranks.
 pub(super) fn steps_of(rung: &Rung, steps: u32, ranks: u32) -> anyhow::Result<()> {
     let all = threads::run(ranks, |comm| {
         let mut sim = rung.begun_on(ALONG, comm)?;

@@ -1,5 +1,5 @@
-//! What each feature of a scene costs: time, memory and instructions, rung by rung, beside a hand-written loop for the
-//! lowest rung alone.
+//! Cost of each feature of a scene: time, memory and instructions, rung by rung, beside a hand-written loop for the lowest rung
+//! alone.
 //!
 //! ```text
 //! cargo bench --bench ladder                        time and memory
@@ -10,11 +10,11 @@
 //! cargo bench --bench ladder -- --record FOLDER     the tables as CSV into this folder
 //! ```
 //!
-//! 8,000 bodies on a cubic lattice, each in touch with its neighbours; nothing moves far enough for a contact to be lost or a
-//! list to be made anew. One rank. Times are medians over rounds in which all rungs take turns.
+//! 8,000 bodies on a cubic lattice, each in contact with its neighbours; the motion is too small for a contact to be lost or a
+//! list to be rebuilt. One rank. Times are medians over rounds in which all rungs take turns.
 //!
-//! Instructions are also counted by phase, beside the floor of [`dem_mpi::sim::floor`]: an instruction with AVX2, which
-//! callgrind knows, does four operations or moves 32 bytes.
+//! Instructions are also counted by phase, beside the floor of [`dem_mpi::sim::floor`]. The floor assumes AVX2, which callgrind
+//! knows: an instruction does four operations or moves 32 bytes.
 
 mod against;
 mod check;
@@ -41,7 +41,7 @@ struct Arguments {
     /// Count instructions, too.
     #[arg(long)]
     count: bool,
-    /// Count instructions and bytes, and fail where they are not those of the record; with a folder, take the record anew.
+    /// Count instructions and bytes, and fail where they differ from the record; with a folder, write a new record.
     #[arg(long)]
     check: bool,
     /// Time each rung beside the build of another commit, which stays under target/ladder.
@@ -59,10 +59,10 @@ struct Arguments {
     /// Only do steps of one rung, to be counted: 0 is the hand-written loop.
     #[arg(long, hide = true)]
     one: Option<usize>,
-    /// So many.
+    /// Number of steps.
     #[arg(long, hide = true, default_value_t = 0)]
     steps: u32,
-    /// On so many threads.
+    /// Number of threads.
     #[arg(long, hide = true, default_value_t = 1)]
     ranks: u32,
     /// Cargo passes this.
@@ -82,26 +82,26 @@ const STIFFNESS: f64 = 1e4;
 const DENSITY: f64 = 2500.0;
 /// Young's modulus of elastic spheres [Pa].
 const YOUNGS_MODULUS: f64 = 1e9;
-/// A floor under all of them.
+/// A floor under all bodies, as OBJ.
 const FLOOR: &str = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3\nf 1 3 4\n";
 /// Time step [s].
 const STEP: f64 = 1e-7;
-/// Steps of a round.
+/// Number of steps of a round.
 const STEPS: u32 = 20;
 const ROUNDS: usize = 9;
 
-/// The shapes of a scene.
+/// Shapes of a scene.
 #[derive(Clone, Copy)]
 enum Grains {
     Spheres,
-    /// Lines of their kind, and semi-axes over [`SIZE`].
+    /// Lines of the kind, and semi-axes over [`SIZE`].
     Ellipsoidal(&'static str, [f64; 3]),
     Boxes,
     /// Spheres, ellipsoids, superellipsoids, spherocylinders and boxes, all about as long along each axis.
     FiveKinds,
 }
 
-/// How much longer some of a mixture are along x.
+/// Length along x of some shapes of a mixture, relative to the others.
 const LONGER: f64 = 1.001;
 
 impl Grains {
@@ -114,7 +114,8 @@ impl Grains {
         }
     }
 
-    /// Shapes as a scene has them, and their names. Seven of a mixture, two of them twice: so each touches several kinds on a lattice of 20.
+    /// Shapes of a scene as text, with their names. A mixture has seven, two of them twice, so that each touches several kinds on
+    /// a lattice of 20.
     fn shapes(self) -> (String, Vec<String>) {
         let axes = self.axes().map(|axis| axis * SIZE);
         let longer = [LONGER * SIZE, SIZE, SIZE];
@@ -147,7 +148,7 @@ impl Grains {
     }
 }
 
-/// What a scene has.
+/// Features of a scene.
 #[derive(Clone, Copy)]
 #[expect(clippy::struct_excessive_bools, reason = "each feature is there or not, on its own")]
 struct Rung {
@@ -161,9 +162,9 @@ struct Rung {
     rolling: bool,
     hertz: bool,
     sizes: bool,
-    /// A square of two triangles in place of the floor.
+    /// A square of two triangles instead of the plane floor.
     mesh: bool,
-    /// Dashpots foresee velocities.
+    /// Dashpots use predicted velocities.
     foresee: bool,
 }
 
@@ -228,12 +229,12 @@ const RUNGS: [Rung; 15] = {
 };
 
 impl Rung {
-    /// With so many bodies along each axis.
+    /// Scene with this number of bodies along each axis.
     fn scene(&self, along: u32) -> anyhow::Result<Scene> {
         let spacing = self.grains.axes().map(|axis| 2.0 * TIGHT * axis * SIZE);
         let (mut shapes, names) = self.grains.shapes();
         if self.sizes {
-            // So alike that neighbours touch.
+            // Nearly equal sizes, so that neighbours touch.
             shapes += "size = { lognormal = { median = 1, sigma = 1e-5 }, limits = [0.99999, 1.00001], by = \"number\" }\n";
         }
         let walls = match (self.floor, self.servo) {
@@ -284,7 +285,7 @@ impl Rung {
         self.begun_on(along, &mut Alone::default())
     }
 
-    /// The share of one rank. Collective.
+    /// Simulation with the share of one rank. Collective.
     fn begun_on(&self, along: u32, comm: &mut dyn Comm) -> anyhow::Result<Simulation> {
         let scene = self.scene(along)?;
         let mut sim = assemble::assemble(&scene, comm);
@@ -294,13 +295,13 @@ impl Rung {
     }
 }
 
-/// Bytes of what a simulation keeps for each particle, pair and contact.
+/// Bytes of the data of a simulation for particles, pairs and contacts.
 fn bytes(sim: &Simulation) -> usize {
     let Simulation { particles, pairs, contacts, sums, .. } = sim;
     particles.bytes() + pairs.bytes() + contacts.bytes() + sums.bytes()
 }
 
-/// What is timed: the loop, or a rung.
+/// Timed program: the loop, or a rung.
 enum Runner {
     Plain(Plain),
     Rung(Box<Simulation>),
@@ -328,7 +329,7 @@ impl Runner {
         Ok(())
     }
 
-    /// Time of a step, over a round of them [s].
+    /// Time of a step, averaged over a round [s].
     fn round(&mut self) -> anyhow::Result<f64> {
         self.steps(3)?;
         let begin = Instant::now();
@@ -345,8 +346,8 @@ impl Runner {
     }
 }
 
-/// Instructions of a step, or of a function in it: of two runs of one length and another. `None` if the program has one that
-/// valgrind does not know (3.19: `vmovq` between registers), which the bodies with faces need.
+/// Instructions of a step, or of a function in it, from two runs of different length. `None` if the program has an instruction
+/// unknown to valgrind (3.19: `vmovq` between registers), which the bodies with faces need.
 fn instructions(number: usize, ranks: u32, function: Option<&str>) -> anyhow::Result<Option<f64>> {
     let of = |steps: u32| {
         let program = std::env::current_exe()?;

@@ -1,4 +1,4 @@
-//! Time per contact of a million touching spheres beside that of 20,000: what it costs that they do not stay in the cache.
+//! Time per contact of a million touching spheres beside that of 20,000: the cost of data that do not stay in the cache.
 
 use super::{RUNGS, median};
 use dem_mpi::comm::alone::Alone;
@@ -8,14 +8,14 @@ use std::path::Path;
 
 /// Spheres along each axis: 19,683 and a million.
 const ALONG: [u32; 2] = [27, 100];
-/// Spheres with friction and dashpots.
+/// Index of the rung of spheres with friction and dashpots.
 const RUNG: usize = 2;
-/// Contacts of a round, about: it takes as long with few spheres as with many.
+/// Approximate number of contacts of a round, so that few spheres take as long as many.
 const CONTACTS: usize = 9_000_000;
 const ROUNDS: usize = 5;
 const PHASES: [Phase; 3] = [Phase::Move, Phase::Contacts, Phase::Forces];
 
-/// Times, prints and writes. The two take turns.
+/// Times both sizes in turns, prints and writes the results.
 pub(super) fn time(record: Option<&Path>) -> anyhow::Result<()> {
     let mut sims = Vec::new();
     for along in ALONG {

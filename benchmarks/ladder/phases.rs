@@ -1,4 +1,4 @@
-//! Instructions of a step by phase, beside what its formulas need at least.
+//! Instructions of a step by phase, beside the lower bound from its formulas.
 
 use super::{ALONG, RUNGS, instructions};
 use anyhow::ensure;
@@ -9,16 +9,16 @@ use std::path::Path;
 
 /// The whole step.
 const STEP: &str = "dem_mpi::sim::Simulation::step";
-/// What of it finds contacts and forces.
+/// The part of a step that finds contacts and forces.
 const CONTACTS_AND_FORCES: &str = "dem_mpi::sim::Simulation::find_forces";
-/// What of that is the law.
+/// The part of these that is the contact law.
 const FORCES: &str = "dem_mpi::contacts::Contacts::compute_forces";
 
-/// `f64` in a register, and its bytes.
+/// Number of `f64` in a register, and its bytes.
 const LANES: f64 = 4.0;
 const REGISTER: f64 = 32.0;
 
-/// Counts, prints and writes; per particle and step.
+/// Counts, prints and writes the instructions per particle and step.
 pub(super) fn count(record: Option<&Path>) -> anyhow::Result<()> {
     let bodies = f64::from(ALONG.pow(3));
     let mut table =
@@ -57,8 +57,8 @@ pub(super) fn count(record: Option<&Path>) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Instructions of a step in the phases that have a floor. What is neither contacts nor forces counts as motion: on one rank,
-/// the halo across periods and whether the list is good still.
+/// Instructions of a step in the phases that have a floor. Everything other than contacts and forces counts as motion: on one
+/// rank, also the halo across periods and the check of the pair list.
 fn by_phase(number: usize) -> anyhow::Result<Option<[(Phase, f64); 3]>> {
     let mut counted = [0.0; 3];
     for (function, counted) in [STEP, CONTACTS_AND_FORCES, FORCES].into_iter().zip(&mut counted) {

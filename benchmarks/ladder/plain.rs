@@ -1,5 +1,5 @@
-//! The yardstick: what one would write by hand for equal elastic spheres without anything else. It has the program's integrator and
-//! its list of pairs, looks whether the list is good still, and keeps no account of anything.
+//! Reference: a hand-written program for equal elastic spheres without any other feature. It has the program's integrator and its
+//! pair list, checks the validity of the list, and records no energies.
 
 use super::{SIZE, STEP, STIFFNESS};
 use dem_mpi::math::Vec3;
@@ -18,7 +18,7 @@ pub(crate) struct Plain {
 }
 
 impl Plain {
-    /// At rest, with the forces of these places [m].
+    /// Spheres at rest, with the forces at these positions [m].
     pub(crate) fn new(position: Vec<Vec3>, pairs: Vec<[u32; 2]>, mass: f64, skin: f64) -> Self {
         let zeros = vec![Vec3::zeros(); position.len()];
         let (velocity, force) = (zeros.clone(), zeros);
@@ -29,7 +29,7 @@ impl Plain {
         plain
     }
 
-    /// Is the list of pairs still good?
+    /// Does one step; returns whether the pair list is still valid.
     pub(crate) fn step(&mut self) -> bool {
         let mut farthest = 0.0;
         for k in 0..self.position.len() {
@@ -60,13 +60,13 @@ impl Plain {
         }
     }
 
-    /// How many pairs touch.
+    /// Number of pairs that touch.
     pub(crate) fn touching(&self) -> usize {
         let apart = |&[a, b]: &[u32; 2]| self.position[b as usize] - self.position[a as usize];
         self.pairs.iter().filter(|pair| apart(pair).norm() < 2.0 * SIZE).count()
     }
 
-    /// Bytes that it holds.
+    /// Memory [bytes].
     pub(crate) fn bytes(&self) -> usize {
         let vectors = [&self.position, &self.velocity, &self.force, &self.listed_at];
         vectors.iter().map(|column| size_of_val(&column[..])).sum::<usize>()

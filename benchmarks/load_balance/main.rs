@@ -1,12 +1,13 @@
-//! The busiest rank's work over the mean while grains rain into a box, with and without cutting anew.
+//! Work of the busiest rank over the mean while particles rain into a box, with and without dividing
+//! the domain again.
 //!
 //! ```text
 //! cargo bench --bench load_balance                        prints; a table and a plot go to target/
 //! cargo bench --bench load_balance -- --record FOLDER     the same into this folder
 //! ```
 //!
-//! Ranks are threads of one process: the work is counted (particles and listed pairs), not timed, and
-//! is the same under MPI.
+//! Ranks are threads of one process. Work is counted (particles and listed pairs), not timed, and is
+//! the same under MPI.
 
 use benchmarking::lines::{self, Line};
 use clap::Parser;
@@ -20,7 +21,7 @@ struct Arguments {
     /// The scene.
     #[arg(long, default_value = "run/packing/scene.toml")]
     scene: PathBuf,
-    /// How many steps.
+    /// Number of steps.
     #[arg(long, default_value_t = 40_000)]
     steps: u64,
     /// Write the table and the plot into this folder.
@@ -32,17 +33,17 @@ struct Arguments {
 }
 
 const RANKS: [u32; 2] = [4, 8];
-/// Points of each line.
+/// Points of each curve.
 const POINTS: u64 = 120;
 
-/// A moment of a run.
+/// State of a run at one time.
 struct Row {
     time: f64,
     particles: u64,
     imbalance: f64,
 }
 
-/// What rank 0 sees of a run, and how often the domain was cut.
+/// Rows seen by rank 0 of a run, and the number of divisions of the domain.
 fn follow(scene: &Scene, steps: u64, ranks: u32) -> (Vec<Row>, u64) {
     let mut all = threads::run(ranks, |comm| {
         let mut sim = assemble::assemble(scene, comm);

@@ -1,4 +1,4 @@
-//! What all codes are given, and how far apart they end.
+//! Common input of all codes, and the differences of their results.
 
 use anyhow::{Context, bail, ensure};
 use dem_mpi::math::Vec3;
@@ -7,18 +7,19 @@ use dem_mpi::shape::Shape;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
-/// Equal spheres at rest in a box whose low corner is the origin, with a wall on each side but the top.
+/// Equal spheres at rest in a box with its low corner at the origin, with a wall on each side but the
+/// top.
 pub(crate) struct Case {
     pub(crate) file: PathBuf,
-    /// Centres at the start [m].
+    /// Initial centres [m].
     pub(crate) start: Vec<Vec3>,
     /// Radius [m].
     pub(crate) radius: f64,
     /// Density [kg/m³].
     pub(crate) density: f64,
-    /// High corner of the box; as long as wide [m].
+    /// High corner of the box, which is as long as wide [m].
     pub(crate) high: Vec3,
-    /// Gravity, downwards [m/s²].
+    /// Downward gravity [m/s²].
     pub(crate) gravity: f64,
     /// Normal and tangential stiffness [N/m].
     pub(crate) stiffness: [f64; 2],
@@ -26,11 +27,11 @@ pub(crate) struct Case {
     pub(crate) friction: f64,
     /// Normal and tangential dashpots of two spheres over their reduced mass [1/s].
     pub(crate) damping: [f64; 2],
-    /// The same of a sphere and a wall.
+    /// Normal and tangential dashpots of a sphere and a wall over the mass [1/s].
     pub(crate) wall_damping: [f64; 2],
     /// Time step [s].
     pub(crate) step: f64,
-    /// A pair is listed when its spheres come this close [m].
+    /// Distance of the surfaces at which a pair is listed [m].
     pub(crate) skin: f64,
 }
 
@@ -82,7 +83,7 @@ impl Case {
         })
     }
 
-    /// Puts as many copies side by side along x and along y, without the walls between them.
+    /// Places `copies` copies side by side along x and along y, without the walls between them.
     pub(crate) fn tile(&mut self, copies: u32) {
         let of_one = std::mem::take(&mut self.start);
         let side = self.high.x;
@@ -93,7 +94,7 @@ impl Case {
         (self.high.x, self.high.y) = (side * f64::from(copies), side * f64::from(copies));
     }
 
-    /// Leaves so many spheres, those of the smallest cube about the origin, in their order.
+    /// Keeps the `count` spheres in the smallest cube about the origin, in their order.
     pub(crate) fn cut(&mut self, count: usize) {
         let mut sides: Vec<f64> = self.start.iter().map(Vec3::max).collect();
         sides.sort_by(f64::total_cmp);
@@ -103,11 +104,11 @@ impl Case {
     }
 }
 
-/// Distances of the same spheres in two states [m].
+/// Distances between the same spheres in two states [m].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Apart {
     pub(crate) median: f64,
-    /// Of a hundred spheres, one is farther.
+    /// One sphere in a hundred is farther.
     pub(crate) percentile_99: f64,
     pub(crate) largest: f64,
 }

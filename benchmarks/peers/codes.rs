@@ -1,4 +1,4 @@
-//! How each code is told what to do, and what it says.
+//! Input and output of each code.
 
 use crate::case::Case;
 use anyhow::{Context, bail, ensure};
@@ -12,7 +12,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// A program, and the law that it is given.
+/// A program, with its contact law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Code {
     /// This program.
@@ -21,7 +21,7 @@ pub(crate) enum Code {
     OwnShuffled,
     /// This program without AVX-512.
     OwnAvx,
-    /// This program with the registers that every processor has.
+    /// This program with registers that every processor has.
     OwnAny,
     /// `gran/hooke/history`.
     Lammps,
@@ -44,12 +44,12 @@ impl Code {
         }
     }
 
-    /// Is it this program?
+    /// Whether the code is this program.
     pub(crate) const fn is_own(self) -> bool {
         matches!(self, Self::Own | Self::OwnShuffled | Self::OwnAvx | Self::OwnAny)
     }
 
-    /// The widest registers that it may use, see `dem_mpi::lanes::Registers`.
+    /// Widest registers that it may use, see `dem_mpi::lanes::Registers`.
     const fn registers(self) -> &'static str {
         match self {
             Self::OwnAvx => "avx",
@@ -75,16 +75,16 @@ impl Code {
         }
     }
 
-    /// Is it there?
+    /// Whether the program is installed.
     pub(crate) fn is_installed(self) -> bool {
         let mut command = Command::new(self.program());
-        // LIGGGHTS leaves a log wherever it is started.
+        // LIGGGHTS writes a log in its current directory.
         command.current_dir(std::env::temp_dir());
         command.arg("-help").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         !command.status().is_err_and(|error| error.kind() == ErrorKind::NotFound)
     }
 
-    /// The line in which it says its version.
+    /// The line with its version.
     pub(crate) fn version(self) -> anyhow::Result<String> {
         let (argument, word) = match self {
             Self::Lammps | Self::LammpsGranular => ("-help", "Parallel Simulator"),
@@ -102,7 +102,7 @@ impl Code {
     }
 }
 
-/// So many steps.
+/// Length of a run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Steps {
     /// Time step [s].
@@ -112,25 +112,25 @@ pub(crate) struct Steps {
 }
 
 impl Steps {
-    /// On one rank, for so long [s].
+    /// Steps on one rank for this time [s].
     pub(crate) fn until(time: f64, step: f64) -> Self {
         Self { step, count: (time / step).round() as u64, ranks: 1 }
     }
 }
 
-/// What came of it.
+/// Results of a run.
 pub(crate) struct Run {
-    /// Centres at the end, in the order of the start [m].
+    /// Final centres, in the order of the start [m].
     pub(crate) end: Vec<Vec3>,
-    /// Wall time of the steps, by the code's own clock [s].
+    /// Wall time of the steps, by the clock of the code [s].
     pub(crate) seconds: f64,
-    /// CPU time of all processes, starting and reading included [s].
+    /// CPU time of all processes, including start and reading [s].
     pub(crate) cpu: f64,
 }
 
 /// Runs a code.
 pub(crate) fn run(code: Code, case: &Case, steps: Steps) -> anyhow::Result<Run> {
-    // Of this process: two calls of this program do not meet.
+    // A folder of this process: two calls of this program do not interfere.
     let folder = std::env::temp_dir().join(format!("dem-mpi-peers-{}", std::process::id()));
     fs::create_dir_all(&folder)?;
     let run = if code.is_own() {
@@ -168,7 +168,8 @@ fn own_case(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Res
     Ok(run)
 }
 
-/// Runs this program on a scene with these keys changed, into the folder `own` of this one; places by ids.
+/// Runs this program on a scene with these keys changed, with output in the subfolder `own`; positions are
+/// in the order of the ids.
 pub(crate) fn own(
     code: Code,
     scene: &Path,
@@ -187,7 +188,7 @@ pub(crate) fn own(
 
     let report: Value = serde_json::from_str(&fs::read_to_string(out.join("report.json"))?)?;
     let number = |place| report.pointer(place).and_then(Value::as_f64).context(place);
-    // The snapshot at the end is not a step.
+    // Output includes the snapshot at the end, which is not part of the steps.
     let output = number("/phases/output/total_s")? / f64::from(ranks);
     let seconds = number("/run/wall_s")? - output;
 
@@ -225,7 +226,8 @@ fn peer_case(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Re
     peer((code, code.deck()), &variables, steps.ranks, &end, case.start.len())
 }
 
-/// Runs another code on a deck beside this file, which writes the places of its spheres into the file `end`.
+/// Runs another code on a deck beside this file. The deck writes the positions of its spheres into the file
+/// `end`.
 pub(crate) fn peer(
     (code, deck): (Code, &str),
     variables: &[(&str, String)],
@@ -244,10 +246,10 @@ pub(crate) fn peer(
     Ok(Run { end: read_dump(&fs::read_to_string(end)?, count)?, seconds, cpu })
 }
 
-/// Runs it under `mpirun`, if on more ranks than one: what it prints, and CPU time [s].
+/// Runs the code, under `mpirun` on more than one rank. Returns its output and CPU time [s].
 fn say(code: Code, arguments: &[String], ranks: u32) -> anyhow::Result<(String, f64)> {
     let mut command = Command::new("bash");
-    // Its own `time` knows the CPU time of a process and its children.
+    // The `time` of bash includes the CPU time of child processes.
     command.args(["-c", "TIMEFORMAT='cpu %U %S'; time \"$@\"", "bash"]);
     if ranks > 1 {
         command.args(["mpirun", "--oversubscribe", "-n", &ranks.to_string()]);
@@ -269,7 +271,8 @@ fn say(code: Code, arguments: &[String], ranks: u32) -> anyhow::Result<(String, 
     Ok((said, cpu?.iter().sum()))
 }
 
-/// The start as LAMMPS and LIGGGHTS read it; ids count from 1. The second type is that of LIGGGHTS' walls.
+/// Initial state in the format of LAMMPS and LIGGGHTS; ids count from 1. The second type is that of
+/// LIGGGHTS' walls.
 fn data_file(case: &Case) -> anyhow::Result<String> {
     let [x, y, z] = case.high.into();
     let mut text = format!("\n{} atoms\n2 atom types\n", case.start.len());
@@ -281,7 +284,7 @@ fn data_file(case: &Case) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// The positions of a dump of one frame, in the order of ids.
+/// Positions of a dump of one frame, in the order of the ids.
 fn read_dump(text: &str, count: usize) -> anyhow::Result<Vec<Vec3>> {
     let (_, rows) = text.split_once("ITEM: ATOMS id x y z").context("no atoms in the dump")?;
     let mut end = vec![None; count];

@@ -1,4 +1,4 @@
-//! Where all codes bring the spheres in a millisecond, with steps towards zero.
+//! Positions of the spheres after a millisecond by all codes, with decreasing steps.
 
 use crate::case::{Apart, Case};
 use crate::codes::{Code, Steps, run};
@@ -8,7 +8,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-/// How long [s].
+/// Simulated time [s].
 const TIME: f64 = 1e-3;
 
 #[derive(clap::Args)]
@@ -73,7 +73,7 @@ pub(crate) fn converge(case: &Case, options: &Options, record: &Path) -> anyhow:
     Ok(())
 }
 
-/// Writes where LAMMPS brings each sphere.
+/// Writes the position of each sphere by LAMMPS.
 pub(crate) fn answer(case: &Case, finest: f64, file: &Path) -> anyhow::Result<()> {
     let [coarse, fine] = [10.0 * finest, finest].map(|step| Steps::until(TIME, step));
     let fine = run(Code::Lammps, case, fine)?.end;

@@ -1,4 +1,4 @@
-//! A drum of triangles that turns, full of spheres: the same flow by this program and by LIGGGHTS, and the time of a step.
+//! A rotating drum of triangles, full of spheres: the same flow by this program and by LIGGGHTS, and the time of a step.
 
 use crate::case::Apart;
 use crate::codes::{self, Code, Run};
@@ -14,22 +14,22 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 const SCENE: &str = "benchmarks/peers/drum.toml";
-/// For LIGGGHTS: `hertz` with `tangential history`.
+/// Deck for LIGGGHTS: `hertz` with `tangential history`.
 const DECK: &str = "liggghts_drum.in";
-/// Each has four triangles: two of the tube, one of each end.
+/// Number of strips, each with four triangles: two of the tube, one of each end.
 const STRIPS: usize = 300;
-/// Of the drum [m].
+/// Radius of the drum [m].
 const RADIUS: f64 = 0.1;
-/// Half the length [m].
+/// Half the length of the drum [m].
 const HALF: f64 = 0.03;
-/// The codes go the same way as long as the medians of both ends are within this part of the way.
+/// Largest accepted median distance between the final positions of both codes, over the median displacement.
 const ALLOWED: f64 = 0.02;
 
 #[derive(clap::Args)]
 pub(crate) struct Options {
     #[command(flatten)]
     turns: Turns,
-    /// Steps in which the spheres come to flow before.
+    /// Steps before the measurement in which the spheres come to flow.
     #[arg(long)]
     flow: Option<u64>,
 }
@@ -41,10 +41,10 @@ struct Sphere {
     spin: Vec3,
 }
 
-/// What both are given.
+/// Common input of both codes.
 struct Drum {
     folder: PathBuf,
-    /// The scene, without its fill.
+    /// Text of the scene, without its fill.
     head: String,
     scene: Scene,
     start: Vec<Sphere>,
@@ -65,7 +65,7 @@ pub(crate) fn time(options: &Options, record: &Path) -> anyhow::Result<()> {
 }
 
 impl Drum {
-    /// Lets the spheres come to flow.
+    /// Simulates the spheres until they flow.
     fn flowing(folder: PathBuf, steps: Option<u64>) -> anyhow::Result<Self> {
         let [obj, stl] = surfaces();
         fs::write(folder.join("drum.obj"), obj)?;
@@ -88,7 +88,7 @@ impl Drum {
         Ok(Self { start: start.collect(), folder, head, scene })
     }
 
-    /// That both do the same, as far as their laws are the same.
+    /// Checks that both codes agree, as far as their laws are the same.
     fn compare(&self) -> anyhow::Result<()> {
         let steps = 1000;
         let own = self.run(Code::Own, steps, 1)?.end;
@@ -155,7 +155,7 @@ impl Drum {
         codes::peer((Code::Liggghts, DECK), &variables, ranks, &file("end.dump"), self.start.len())
     }
 
-    /// As LIGGGHTS reads it; ids count from 1.
+    /// Initial state in the format of LIGGGHTS; ids count from 1.
     fn data_file(&self, radius: f64, density: f64) -> anyhow::Result<String> {
         let (low, high) = (self.scene.domain.corners().0, self.scene.domain.corners().1);
         let mut text = format!("\n{} atoms\n2 atom types\n", self.start.len());
@@ -199,7 +199,7 @@ fn surfaces() -> [String; 2] {
     for triangle in triangles {
         let [a, b, c] = triangle.map(|k| k + 1);
         writeln!(obj, "f {a} {b} {c}").expect("text");
-        // The normals are worked out by the reader.
+        // The reader computes the normals.
         stl += "facet normal 0 0 0\nouter loop\n";
         for [x, y, z] in triangle.map(|k| corners[k]) {
             writeln!(stl, "vertex {x} {y} {z}").expect("text");

@@ -1,5 +1,5 @@
-//! Other codes beside this one, from the same state with the same constants: whether they go the same way, and how
-//! long they take. They are started by their names (`lmp`, `liggghts`: Debian's packages `lammps`, `liggghts`).
+//! Other codes beside this one, from the same state with the same constants: agreement of the motion, and time. They
+//! are started by name (`lmp`, `liggghts`: Debian's packages `lammps`, `liggghts`).
 //!
 //! ```text
 //! cargo bench --bench peers -- converge               steps towards zero: each code against its finest step, and the
@@ -57,7 +57,7 @@ enum Task {
         /// Time step [s].
         #[arg(long, default_value_t = 1e-7)]
         finest: f64,
-        /// Only so many spheres, those nearest to the corner of the box.
+        /// Only this number of spheres, those nearest to the corner of the box.
         #[arg(long)]
         corner: Option<usize>,
     },

@@ -1,4 +1,4 @@
-//! How long a step takes, in turns.
+//! Time of a step by each code, in turns.
 
 use crate::case::{Apart, Case};
 use crate::codes::{Code, Run, Steps, own, run};
@@ -9,7 +9,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-/// Codes are compared after so long, before they are timed [s].
+/// Time after which codes are compared, before they are timed [s].
 const CHECKED: f64 = 1e-3;
 
 #[derive(clap::Args)]
@@ -25,18 +25,18 @@ pub(crate) struct Options {
     /// Also this program with narrower registers: AVX's, and those of every processor.
     #[arg(long)]
     registers: bool,
-    /// So many copies of the state side by side along x and along y: 7 make 980,000 spheres.
+    /// Copies of the state side by side along x and along y: 7 make 980,000 spheres.
     #[arg(long, default_value_t = 1)]
     tiles: u32,
 }
 
-/// How often, and how long.
+/// Length and number of runs.
 #[derive(clap::Args)]
 pub(crate) struct Turns {
-    /// Steps of a run; one of a tenth goes before, so that the CPU time of the start can be left out.
+    /// Steps of a run; a run of a tenth precedes it, to subtract the CPU time of the start.
     #[arg(long, default_value_t = 1000)]
     steps: u64,
-    /// How often each code's turn comes.
+    /// Number of rounds, in each of which every code has one turn.
     #[arg(long, default_value_t = 9)]
     rounds: u32,
     /// Numbers of ranks.
@@ -44,7 +44,7 @@ pub(crate) struct Turns {
     ranks: Vec<u32>,
 }
 
-/// A run: µs per particle and step.
+/// Time of a run in µs per particle and step.
 struct Row {
     code: Code,
     ranks: u32,
@@ -100,8 +100,8 @@ pub(crate) fn settled(turns: &Turns, record: &Path) -> anyhow::Result<()> {
 }
 
 impl Turns {
-    /// Times codes in turns, with so many particles: writes the table into a file and prints the medians. `run` takes code, steps
-    /// and ranks.
+    /// Times codes in turns with `particles` particles, writes the table into a file and prints the medians. `run` takes code,
+    /// steps and ranks.
     pub(crate) fn time(
         &self,
         codes: &mut [Code],
@@ -141,7 +141,7 @@ impl Turns {
     }
 }
 
-/// That all do the same, as far as their laws are the same, at this step.
+/// Checks that all codes agree, as far as their laws are the same, at this step.
 fn compare(case: &Case, codes: &[Code]) -> anyhow::Result<()> {
     let steps = Steps::until(CHECKED, case.step);
     let own = run(Code::Own, case, steps)?.end;
@@ -160,7 +160,7 @@ fn compare(case: &Case, codes: &[Code]) -> anyhow::Result<()> {
                 100.0 * part,
                 apart.largest
             );
-            // LIGGGHTS' sliding contacts have no dashpot.
+            // Sliding contacts of LIGGGHTS have no dashpot.
             let allowed = if code == Code::Liggghts { 0.03 } else { 0.006 };
             ensure!(part < allowed, "{} does something else", code.name());
         }
@@ -169,7 +169,7 @@ fn compare(case: &Case, codes: &[Code]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Medians over the rounds.
+/// Prints medians over the rounds.
 fn print(rows: &[Row], ranks: &[u32]) {
     println!(
         "µs per particle-step: median (quartiles), least; ratio: median over rounds of a code's time over dem-mpi's of that round\n"

@@ -1,10 +1,10 @@
-//! What a step costs a rank, counted: the same on threads of one process as under MPI.
+//! Counted cost of a step on each rank: the same on threads of one process as under MPI.
 
 use dem_mpi::comm::{Comm, Parcel, Source};
 use dem_mpi::ids::Rank;
 use dem_mpi::sim::Simulation;
 
-/// A rank's end of the communication that counts what goes through it.
+/// A wrapper of a rank's communication that counts messages, bytes and reductions.
 struct Counted<'a> {
     comm: &'a mut dyn Comm,
     messages: u64,
@@ -77,7 +77,7 @@ impl Comm for Counted<'_> {
     }
 }
 
-/// What is counted, in the order of [`Counts`].
+/// Names of the counts, in the order of [`Counts`].
 pub(crate) const NAMES: [&str; 11] = [
     "particles",
     "ghosts",
@@ -99,10 +99,11 @@ pub(crate) const BYTES: usize = 7;
 pub(crate) const REDUCTIONS: usize = 8;
 pub(crate) const MIGRATED: usize = 9;
 
-/// Of one rank, per step. Messages and bytes are those sent: halo, offers of ghosts, hand-over.
+/// Counts of one rank, per step. Messages and bytes are those sent: halo, offers of ghosts,
+/// hand-over.
 pub(crate) type Counts = [f64; NAMES.len()];
 
-/// Counts so many steps of this rank. Collective.
+/// Counts this number of steps on this rank. Collective.
 pub(crate) fn count(sim: &mut Simulation, steps: u32, comm: &mut dyn Comm) -> Counts {
     let mut comm = Counted { comm, messages: 0, bytes: 0, reductions: 0 };
     let (traffic, tally) = (sim.domain.traffic, sim.found.tally);
@@ -129,7 +130,7 @@ pub(crate) fn count(sim: &mut Simulation, steps: u32, comm: &mut dyn Comm) -> Co
     .map(|count| count as f64 / f64::from(steps))
 }
 
-/// A run on some ranks: what each has counted.
+/// Counts of all ranks of a run.
 pub(crate) struct Run {
     pub(crate) scene: &'static str,
     pub(crate) ranks: Vec<Counts>,

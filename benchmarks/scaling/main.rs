@@ -1,4 +1,4 @@
-//! Strong and weak scaling: wall time on the cores there are, counted cost on more ranks, and what both foretell.
+//! Strong and weak scaling: wall time on the available cores, counted cost on more ranks, and predictions from both.
 //!
 //! ```text
 //! cargo bench --bench scaling                        prints; tables and plots go to target/
@@ -7,9 +7,9 @@
 //! cargo bench --bench scaling -- --latency 5e-6 --bandwidth 2e9     for another network
 //! ```
 //!
-//! Measured under mpirun: the time of steps on 1 and 2 ranks, of two runs at once that share nothing but the machine,
+//! Measured under mpirun: the time of steps on 1 and 2 ranks, of two simultaneous runs that share only the machine,
 //! and of a snapshot. Counted: particles, ghosts, contacts, messages, bytes, reductions and migrations of every rank
-//! on 1 to 64 ranks, as threads of one process. Predicted: everything beyond, by `model.rs`.
+//! on 1 to 64 ranks, as threads of one process. Predicted by `model.rs`: everything beyond.
 
 mod counted;
 mod measured;
@@ -45,7 +45,7 @@ struct Arguments {
     /// Only time snapshots.
     #[arg(long)]
     snapshots: bool,
-    /// What a rank of mpirun does.
+    /// Task of a rank of mpirun.
     #[arg(long, hide = true)]
     task: Option<Task>,
     /// Cargo passes this.
@@ -53,16 +53,16 @@ struct Arguments {
     bench: bool,
 }
 
-/// Counted on so many ranks.
+/// Numbers of ranks with counts.
 const RANKS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
-/// On which all axes are cut.
+/// Number of ranks at which all axes are divided.
 const MOST: u32 = RANKS[RANKS.len() - 1];
-/// Particles per rank whose weak scaling is counted; of others on [`MOST`] ranks alone.
+/// Particles per rank with counted weak scaling; `OTHERS` are counted on [`MOST`] ranks alone.
 const WEAK: [u32; 2] = [1000, 8000];
 const OTHERS: [u32; 5] = [125, 250, 500, 2000, 4000];
-/// Steps that are counted: about three lists of pairs.
+/// Number of counted steps: about three rebuilds of the pair list.
 const STEPS: u32 = 42;
-/// Particles per rank and, of strong scaling, in all, that are predicted.
+/// Predicted numbers of particles, per rank for weak scaling and in total for strong scaling.
 const PREDICTED: [[f64; 3]; 2] = [[1e3, 1e4, 1e5], [1e6, 1e7, 1e8]];
 const LARGEST: f64 = 1e5;
 
@@ -89,7 +89,7 @@ fn count_all() -> anyhow::Result<Vec<Run>> {
     Ok(runs)
 }
 
-/// Prints and writes what was counted.
+/// Prints and writes the counts.
 fn tell_counts(runs: &[Run], record: &Path) -> anyhow::Result<()> {
     let mut table = "scene,ranks".to_owned();
     for name in NAMES {
@@ -134,7 +134,7 @@ fn tell_counts(runs: &[Run], record: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Times steps, prints and writes them; returns those of one rank with 20,000 particles.
+/// Times steps, prints and writes the times; returns those of one rank with 20,000 particles.
 fn time_all(record: &Path) -> anyhow::Result<Timed> {
     let mut table =
         "scene,ranks,particles,step_s,ns_per_particle_step_and_rank,strong_efficiency".to_owned();
@@ -231,7 +231,7 @@ fn foretell(runs: &[Run], costs: &Costs, record: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Prints, writes and draws what was counted beside the laws fitted to it.
+/// Prints, writes and draws the counts beside the fitted laws.
 fn show_fit(fitted: &[&Run], laws: &Laws, record: &Path) -> anyhow::Result<()> {
     println!("\nfitted to {MOST} ranks: a n^(2/3) + b");
     let mut table = "quantity,particles_per_rank,counted,fitted,residual_percent\n".to_owned();
@@ -262,7 +262,8 @@ fn show_fit(fitted: &[&Run], laws: &Laws, record: &Path) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Efficiencies by the fitted laws, from where all axes are cut to as few particles per rank as were counted.
+/// Efficiencies from the fitted laws, from the number of ranks at which all axes are divided down to the fewest
+/// counted particles per rank.
 fn by_model(
     scaling: &str,
     sizes: &[f64],
@@ -291,7 +292,7 @@ fn by_model(
     Ok(lines)
 }
 
-/// Efficiencies by the counts of runs themselves.
+/// Efficiencies from the counts of runs.
 fn by_counts(
     scaling: &str,
     runs: &[Run],
@@ -327,13 +328,13 @@ fn by_counts(
     Ok(lines)
 }
 
-/// Ten points per decade, both ends among them.
+/// Ten points per decade, both ends included.
 fn decades(from: f64, to: f64) -> impl Iterator<Item = f64> {
     let count = (10.0 * (to / from).log10()).ceil() as u32;
     (0..=count).map(move |k| from * (to / from).powf(f64::from(k) / f64::from(count)))
 }
 
-/// Prints and writes how long snapshots take.
+/// Prints and writes the time of snapshots.
 fn time_snapshots(record: &Path) -> anyhow::Result<()> {
     let mut table = "ranks,bytes,snapshot_s,plain_write_s\n".to_owned();
     println!("\nsnapshot of 1,000,000 ellipsoids, and a plain write of as many bytes");

@@ -1,5 +1,5 @@
-//! What is measured under mpirun, which this program starts on itself: the wall time of steps, and of a
-//! snapshot beside a plain write of as many bytes.
+//! Measurements under mpirun, started by this program on itself: the wall time of steps, and of a
+//! snapshot beside a plain write of the same size.
 
 use crate::packing::{CELL, Packing, settled};
 use anyhow::{Context, ensure};
@@ -16,7 +16,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-/// What the ranks of mpirun do.
+/// Tasks of the ranks of mpirun.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Task {
     /// Steps of 5,120 settled ellipsoids.
@@ -25,7 +25,7 @@ pub(crate) enum Task {
     Packed10,
     /// Steps of 20,000 packed ellipsoids.
     Packed20,
-    /// Steps of 10,000 packed ellipsoids on each rank, which share nothing but the machine.
+    /// Steps of 10,000 packed ellipsoids on each rank; the ranks share only the machine.
     Apart,
     /// Snapshots of 1,000,000 packed ellipsoids, and plain writes.
     Snapshot,
@@ -41,7 +41,7 @@ impl Task {
         }
     }
 
-    /// Cells along the axes.
+    /// Number of cells along the axes.
     const fn cells(self) -> [u32; 3] {
         match self {
             Self::Settled => [0; 3],
@@ -52,43 +52,43 @@ impl Task {
     }
 }
 
-/// Steps are timed in so many rounds, of which the fastest counts: others use the machine, too.
+/// Number of timed rounds, of which the fastest counts: other processes may use the machine.
 const ROUNDS: u32 = 8;
 /// Particles times steps of a round.
 const ROUND: usize = 2_000_000;
 const SNAPSHOTS: u32 = 5;
-/// Bytes of a plain write's call.
+/// Bytes per call of a plain write.
 const CHUNK: usize = 8 << 20;
 
-/// Steps, timed.
+/// Times of steps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Timed {
     pub(crate) particles: f64,
     /// Wall time of a step [s].
     pub(crate) step: f64,
-    /// Of that round, on rank 0: motion and list of pairs, per particle [s].
+    /// Time of motion and pair list per particle in the fastest round, on rank 0 [s].
     pub(crate) particle: f64,
-    /// The same: resolution and force, per contact [s].
+    /// Time of resolution and force per contact in the fastest round, on rank 0 [s].
     pub(crate) contact: f64,
-    /// Of that round: each of [`PHASES`] per step, in the mean over the ranks [s].
+    /// Time of each of [`PHASES`] per step in the fastest round, mean over the ranks [s].
     pub(crate) phases: [f64; PHASES.len()],
 }
 
-/// What a step consists of.
+/// Phases of a step.
 pub(crate) const PHASES: [Phase; 6] =
     [Phase::Move, Phase::Agree, Phase::Rebuild, Phase::Exchange, Phase::Contacts, Phase::Forces];
 
-/// A snapshot beside a plain write, the median of each.
+/// Median times of a snapshot and of a plain write.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Written {
     pub(crate) bytes: f64,
-    /// From the simulation to files on the disk under their names [s].
+    /// Time from the simulation to files on the disk under their final names [s].
     pub(crate) snapshot: f64,
-    /// Of the same bytes by as many processes, each to a new file of its own on the disk [s].
+    /// Time of writing the same bytes by as many processes, each to a new file of its own [s].
     pub(crate) plain: f64,
 }
 
-/// Starts mpirun; the numbers that rank 0 printed.
+/// Starts mpirun and returns the numbers printed by rank 0.
 fn start<const N: usize>(task: Task, ranks: u32) -> anyhow::Result<[f64; N]> {
     let name = task.to_possible_value().expect("a task has a name");
     let output = Command::new("timeout")
@@ -109,20 +109,20 @@ fn start<const N: usize>(task: Task, ranks: u32) -> anyhow::Result<[f64; N]> {
     Ok(std::array::from_fn(|k| numbers[k]))
 }
 
-/// Times steps on so many ranks.
+/// Times steps on this number of ranks.
 pub(crate) fn steps(task: Task, ranks: u32) -> anyhow::Result<Timed> {
     let [particles, step, particle, contact, phases @ ..] =
         start::<{ 4 + PHASES.len() }>(task, ranks)?;
     Ok(Timed { particles, step, particle, contact, phases })
 }
 
-/// Times snapshots on so many ranks.
+/// Times snapshots on this number of ranks.
 pub(crate) fn snapshots(ranks: u32) -> anyhow::Result<Written> {
     let [bytes, snapshot, plain] = start(Task::Snapshot, ranks)?;
     Ok(Written { bytes, snapshot, plain })
 }
 
-/// What each rank of mpirun does. Rank 0 prints.
+/// Runs the task on each rank of mpirun. Rank 0 prints.
 pub(crate) fn work(task: Task) -> anyhow::Result<()> {
     let mut comm = World::new();
     let numbers = match task {
@@ -136,7 +136,7 @@ pub(crate) fn work(task: Task) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// On the ranks of `comm`, each round together with `others`.
+/// Times steps on the ranks of `comm`, each round at the same time as `others`.
 fn time_steps(
     task: Task,
     comm: &mut dyn Comm,
@@ -209,7 +209,7 @@ fn time_snapshots(task: Task, comm: &mut dyn Comm) -> anyhow::Result<[f64; 3]> {
         comm.any(false);
         let spent = begin.elapsed().as_secs_f64();
         if round == 0 {
-            // Not timed, as its bytes are read now.
+            // An extra snapshot, not timed: its bytes are read now.
             for path in [&path, &folder.join(snapshot::contacts_name(header.step))] {
                 share.extend(part_of(path, comm)?);
             }
@@ -253,7 +253,7 @@ fn part_of(path: &Path, comm: &dyn Comm) -> anyhow::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The time in which all ranks write their shares, each into a file of its own [s].
+/// Time in which all ranks write their shares, each into a file of its own [s].
 fn time_plain(path: &Path, share: &[u8], comm: &mut dyn Comm) -> anyhow::Result<f64> {
     comm.any(false);
     let begin = Instant::now();

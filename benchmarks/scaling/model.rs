@@ -1,17 +1,17 @@
-//! The time of a step from what is counted, and what is counted from the particles per rank.
+//! Model of the time of a step from counts, and of the counts from the particles per rank.
 
 use crate::counted::{BYTES, CONTACTS, Counts, GHOSTS, MESSAGES, PARTICLES, REDUCTIONS, Run};
 
-/// What a step costs: the core's figures measured on one rank, the network's stated.
+/// Cost of parts of a step: those of a core measured on one rank, those of the network assumed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Costs {
-    /// Of a particle, owned or ghost: motion, the list of pairs [s].
+    /// Time per particle, owned or ghost: motion and pair list [s].
     pub(crate) particle: f64,
-    /// Of a contact: resolution, of the pairs without contact too, and force [s].
+    /// Time per contact: resolution, including pairs without contact, and force [s].
     pub(crate) contact: f64,
-    /// Of a message [s].
+    /// Time per message [s].
     pub(crate) latency: f64,
-    /// [B/s].
+    /// Bandwidth [B/s].
     pub(crate) bandwidth: f64,
 }
 
@@ -21,7 +21,7 @@ impl Costs {
         (counts[PARTICLES] + counts[GHOSTS]) * self.particle + counts[CONTACTS] * self.contact
     }
 
-    /// Time of a rank's step, nothing of the communication hidden behind the work [s].
+    /// Time of a step of a rank, without overlap of communication and work [s].
     pub(crate) fn step(&self, counts: &Counts, ranks: f64) -> f64 {
         self.work(counts)
             + counts[MESSAGES] * self.latency
@@ -29,7 +29,7 @@ impl Costs {
             + counts[REDUCTIONS] * self.latency * ranks.log2()
     }
 
-    /// Time of the slowest rank over that of one rank with an equal share of `alone`, inverted.
+    /// Time of one rank with an equal share of `alone` over the time of the slowest rank.
     pub(crate) fn efficiency(&self, run: &Run, alone: &Run) -> f64 {
         let ranks = run.ranks.len() as f64;
         let share =
@@ -38,7 +38,7 @@ impl Costs {
     }
 }
 
-/// `a n^(2/3) + b`: what grows with the surface of a rank's share of n particles.
+/// `a n^(2/3) + b`: quantities that grow with the surface of a rank's share of n particles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     pub(crate) a: f64,
@@ -46,7 +46,7 @@ pub(crate) struct Surface {
 }
 
 impl Surface {
-    /// The least squares of the relative residuals over points (n, value).
+    /// Least-squares fit of the relative residuals over points (n, value).
     pub(crate) fn fit(points: &[(f64, f64)]) -> Self {
         let mut sums = [0.0; 5];
         for &(n, value) in points {
@@ -66,21 +66,22 @@ impl Surface {
     }
 }
 
-/// What a rank with n particles in the midst of others counts.
+/// Counts of a rank with n particles that is surrounded by others.
 pub(crate) struct Laws {
     pub(crate) ghosts: Surface,
     pub(crate) bytes: Surface,
-    /// Contacts beyond those of a rank alone: with ghosts, both owners resolve them.
+    /// Contacts in addition to those of a rank alone: contacts with ghosts are resolved by both
+    /// owners.
     pub(crate) shared: Surface,
-    /// Of n particles alone, per particle.
+    /// Contacts per particle of a rank alone.
     pub(crate) contacts: f64,
-    /// The most that any rank counted.
+    /// Largest count of any rank.
     pub(crate) messages: f64,
     pub(crate) reductions: f64,
 }
 
 impl Laws {
-    /// From runs whose every rank has neighbours on all sides, and one rank alone.
+    /// Laws from runs in which every rank has neighbours on all sides, and from one rank alone.
     pub(crate) fn fit(runs: &[&Run], alone: &Run) -> Self {
         let contacts = alone.mean(CONTACTS) / alone.mean(PARTICLES);
         let law = |of: &dyn Fn(&Run) -> f64| {
@@ -97,7 +98,7 @@ impl Laws {
         }
     }
 
-    /// What a rank with n particles counts.
+    /// Counts of a rank with n particles.
     pub(crate) fn counts(&self, n: f64) -> Counts {
         let mut counts = Counts::default();
         counts[PARTICLES] = n;
@@ -109,7 +110,7 @@ impl Laws {
         counts
     }
 
-    /// Of n particles per rank, all ranks with the same work.
+    /// Efficiency with n particles per rank and equal work on all ranks.
     pub(crate) fn efficiency(&self, costs: &Costs, n: f64, ranks: f64) -> f64 {
         let mut alone = Counts::default();
         alone[PARTICLES] = n;
@@ -118,7 +119,7 @@ impl Laws {
     }
 }
 
-/// Contacts per rank beyond `contacts` per particle.
+/// Contacts per rank in addition to `contacts` per particle.
 pub(crate) fn shared(run: &Run, contacts: f64) -> f64 {
     run.mean(CONTACTS) - contacts * run.mean(PARTICLES)
 }

@@ -1,4 +1,4 @@
-//! What is run: a periodic cell of packed ellipsoids, put side by side as often as wanted, and a settled box.
+//! Simulated packings: a periodic cell of packed ellipsoids, repeated side by side, and a settled box.
 
 use anyhow::anyhow;
 use dem_mpi::cell::Cell;
@@ -11,9 +11,9 @@ use dem_mpi::scene::{Scene, assemble, packing};
 use dem_mpi::sim::{Simulation, capture};
 use std::path::Path;
 
-/// Particles of a cell.
+/// Number of particles in a cell.
 pub(crate) const CELL: u32 = 1000;
-/// Ellipsoids of `benchmarks/settled`, far from each other.
+/// The ellipsoids of `benchmarks/settled`, far from each other.
 const DILUTE: &str = r#"
 title = "Packed ellipsoids, periodic along all axes"
 domain = { low = [0.0, 0.0, 0.0], high = [0.055, 0.055, 0.055], periodic = [true, true, true] }
@@ -34,30 +34,30 @@ first = [0.00275, 0.00275, 0.00275]
 count = [10, 10, 10]
 spacing = 0.0055
 "#;
-/// Volume of the grains over that of the cell.
+/// Volume of the particles over that of the cell.
 const SOLID: f64 = 0.64;
-/// The cell shrinks in so many stages, each of so many steps.
+/// Number of stages in which the cell shrinks, and steps of each.
 const STAGES: (u32, u32) = (60, 150);
-/// Takes the energy of the compression out [1/s].
+/// Damping that removes the energy of the compression [1/s].
 const DAMPING: f64 = 1000.0;
-/// All grains move as one [m/s]: the list of pairs is stale every 14 steps, as in `run/packing`, where grains rain
-/// into a box, and grains change ranks. Contacts do not feel it.
+/// Common velocity of all particles [m/s]. With it the pair list is stale every 14 steps, as in `run/packing`,
+/// where particles rain into a box, and particles change ranks. Contacts are not affected.
 const DRIFT: Vec3 = Vec3::new(0.5, 0.5, 0.5);
 
-/// A cube of packed grains that repeats along all axes.
+/// A cube of packed particles that repeats along all axes.
 pub(crate) struct Packing {
-    /// Of one cell.
+    /// Scene of one cell.
     scene: Scene,
     particles: Vec<Particle>,
 }
 
-/// A box that repeats along all axes, from the origin [m].
+/// A box from the origin that repeats along all axes [m].
 fn cube(edges: Vec3) -> Cell {
     Cell::new(Vec3::zeros(), edges, [true; 3])
 }
 
 impl Packing {
-    /// Compresses a lattice of ellipsoids, turned at random, to a packing at rest.
+    /// Compresses a lattice of randomly oriented ellipsoids to a packing at rest.
     pub(crate) fn new() -> anyhow::Result<Self> {
         let mut scene =
             Scene::parse(DILUTE, "packing", Path::new(""), &[]).map_err(|e| anyhow!("{e}"))?;
@@ -93,7 +93,7 @@ impl Packing {
         Ok(Self { scene, particles })
     }
 
-    /// So many cells along each axis, with this rank's particles in it.
+    /// A simulation of this number of cells along each axis, with this rank's particles.
     pub(crate) fn begun(&self, cells: [u32; 3], comm: &mut dyn Comm) -> Simulation {
         let side = self.scene.domain.corners().1.x;
         let mut scene = self.scene.clone();
@@ -120,7 +120,7 @@ impl Packing {
     }
 }
 
-/// Powers of two along the axes, as equal as they can be, whose product is `cells`.
+/// Powers of two along the axes, as equal as possible, with product `cells`.
 pub(crate) fn arranged(cells: u32) -> [u32; 3] {
     let twos = cells.ilog2();
     assert!(cells == 1 << twos, "a power of two");

@@ -1,4 +1,4 @@
-//! A cell of the map: scenes that the program runs as a user would start it, and what is right for them.
+//! Cells of the stability map: scenes run as a user would start them, with the expected results.
 
 use crate::scene::Scene;
 use dem_mpi::output::snapshot::Reader;
@@ -10,25 +10,25 @@ use std::process::{Command, ExitStatus, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// A run that takes longer hangs.
+/// Longest run; a longer one counts as hung.
 const TIME_LIMIT: Duration = Duration::from_secs(600);
-/// How much of what was dissipated the balance of energies may miss.
+/// Largest accepted energy error over the dissipated energy.
 const MISSING: f64 = 0.01;
-/// How many of the resolved pairs may be passed on by the first method.
+/// Largest accepted share of resolved pairs that the first method passes on.
 const FALLBACKS: f64 = 0.01;
 
-/// One thing that a result is held against.
+/// Deviation of a result from its expected value.
 pub(crate) struct Deviation {
-    /// What it is.
+    /// Name of the result.
     pub(crate) what: &'static str,
-    /// How far the result is off.
+    /// Size of the deviation.
     pub(crate) is: f64,
-    /// How far it may be.
+    /// Largest accepted deviation.
     pub(crate) allowed: f64,
 }
 
 impl Deviation {
-    /// Of a result from what it should be, over the unit.
+    /// Difference of a result from its expected value, over the unit.
     pub(crate) fn of(what: &'static str, is: f64, should: f64, unit: f64, allowed: f64) -> Self {
         Self { what, is: ((is - should) / unit).abs(), allowed }
     }
@@ -38,27 +38,27 @@ impl Deviation {
     }
 }
 
-/// Holds a result against closed forms.
+/// Comparison of a result with closed forms.
 pub(crate) type Check = Box<dyn Fn(&Ran) -> Vec<Deviation> + Sync>;
 
 /// A cell of the map.
 pub(crate) struct Cell {
-    /// What varies along its row.
+    /// Quantity that varies along its row.
     pub(crate) row: &'static str,
-    /// How much of it.
+    /// Value of that quantity.
     pub(crate) value: String,
-    /// Stages, each of which begins where the one before has ended.
+    /// Stages, each of which begins at the end of the one before.
     pub(crate) stages: Vec<Scene>,
-    /// What is right, beside what is for every cell.
+    /// Expected results of this cell, in addition to those of every cell.
     pub(crate) check: Check,
-    /// Ranks of the second run, which must have the same bits.
+    /// Ranks of the second run, whose result must have the same bits.
     pub(crate) ranks: u32,
-    /// Does it run with `--quick`, too?
+    /// Whether the cell is also run with `--quick`.
     pub(crate) is_quick: bool,
 }
 
 impl Cell {
-    /// Of one stage, right if `check` says nothing against it.
+    /// A cell of one stage; `check` gives its deviations.
     #[expect(clippy::needless_pass_by_value, reason = "a number or a text")]
     pub(crate) fn new(
         row: &'static str,
@@ -70,24 +70,24 @@ impl Cell {
         Self { row, value, stages, check: Box::new(check), ranks: 2, is_quick: false }
     }
 
-    /// To be run with `--quick`, too.
+    /// The cell, also run with `--quick`.
     pub(crate) fn quick(self) -> Self {
         Self { is_quick: true, ..self }
     }
 }
 
-/// What a run has left behind.
+/// Results of a run.
 pub(crate) struct Ran {
-    /// `report.json`.
+    /// Content of `report.json`.
     pub(crate) report: Value,
-    /// The last snapshot.
+    /// Particles of the last snapshot.
     pub(crate) particles: ParticleTable,
-    /// The last row of `history.csv` by its columns.
+    /// Last row of `history.csv`, by columns.
     history: Vec<(String, f64)>,
 }
 
 impl Ran {
-    /// A figure of the report; infinite if it is none.
+    /// A figure of the report; infinite if it is not a number.
     pub(crate) fn figure(&self, place: &str) -> f64 {
         self.report.pointer(place).and_then(Value::as_f64).unwrap_or(f64::INFINITY)
     }
@@ -103,13 +103,13 @@ impl Ran {
         all.iter().filter_map(Value::as_str).map(str::to_owned).collect()
     }
 
-    /// What holds for every scene.
+    /// Deviations that are checked for every scene.
     fn common(&self, grains: usize) -> Vec<Deviation> {
         let table = &self.particles;
         let vectors = table.position.iter().chain(&table.velocity).chain(&table.angular_velocity);
         let infinite = vectors.filter(|v| !v.iter().all(|x| x.is_finite())).count();
         let lost = grains as f64 - table.id.len() as f64;
-        // Where nothing was dissipated, over what moved.
+        // Relative to the moved energy if next to nothing was dissipated.
         let dissipated = self.figure("/energy/dissipated_j");
         let moved = self.figure("/energy/largest_moved_j");
         let unit = if dissipated > 1e-3 * moved { dissipated } else { moved };
@@ -124,25 +124,25 @@ impl Ran {
     }
 }
 
-/// How a cell ended.
+/// Result of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
-    /// As theory has it.
+    /// Within the limits.
     Right,
-    /// The same, with a warning.
+    /// Within the limits, with a warning.
     RightAndWarned,
-    /// Off, as a warning says.
+    /// Outside the limits, with a warning.
     Warned,
     /// Stopped with a message.
     Stopped,
-    /// Not begun.
+    /// Rejected before the run.
     Refused,
-    /// Off, and nobody said so; or a hang, a panic, other bits on more ranks.
+    /// Outside the limits without a warning; also a hang, a panic, or different bits on more ranks.
     Wrong,
 }
 
 impl Outcome {
-    /// All of them, the best first.
+    /// All outcomes, the best first.
     pub(crate) const ALL: [Self; 6] = [
         Self::Right,
         Self::RightAndWarned,
@@ -152,7 +152,7 @@ impl Outcome {
         Self::Wrong,
     ];
 
-    /// In a table.
+    /// Name in the table.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Right => "right",
@@ -165,21 +165,21 @@ impl Outcome {
     }
 }
 
-/// What came out of a cell.
+/// Outcome of a cell, with details.
 pub(crate) struct Finding {
     pub(crate) outcome: Outcome,
-    /// What the program said, or how far it was off.
+    /// Message of the program, or the deviation.
     pub(crate) why: String,
-    /// Wall clock of the first run [s].
+    /// Wall-clock time of the first run [s].
     pub(crate) seconds: f64,
 }
 
-/// The status of a stage that has done its steps while its `[stop]` does not hold.
+/// Exit status of a stage that has done its steps without fulfilling its `[stop]`.
 const UNMET: i32 = 4;
 
-/// How a run of the program ended.
+/// End of a run of the program.
 struct Ended {
-    /// None if it hung.
+    /// `None` if it hung.
     status: Option<ExitStatus>,
     said: String,
 }
@@ -217,7 +217,7 @@ pub(crate) fn find(cell: &Cell, folder: &Path) -> anyhow::Result<Finding> {
     })
 }
 
-/// Where the output of a stage is.
+/// Output folder of a stage.
 fn output(folder: &Path, ranks: u32, stage: usize) -> PathBuf {
     folder.join(format!("out_{ranks}_{stage}"))
 }
@@ -270,15 +270,15 @@ fn call(program: &str, words: &[std::ffi::OsString], folder: &Path) -> anyhow::R
     Ok(Ended { status, said: std::fs::read_to_string(said)? })
 }
 
-/// The message with which a run has ended: all that was said and is no warning, in one line.
+/// Message with which a run has ended: all output except warnings, in one line.
 fn told(said: &str, folder: &Path) -> String {
-    // The first line says what runs, or that there are mistakes.
+    // The first line only names the run, or announces errors.
     let lines = said.lines().skip(1).filter(|line| !line.starts_with("warning: "));
     let message = lines.map(str::trim).collect::<Vec<_>>().join(" ");
     message.replace(&format!("{}/", folder.display()), "").trim().to_owned()
 }
 
-/// Holds the results of a cell that ran to its end against what is right.
+/// Compares the results of a complete run with the expected ones.
 fn judge(cell: &Cell, folder: &Path, seconds: f64) -> anyhow::Result<Finding> {
     let last = cell.stages.len() - 1;
     let ran = read(&output(folder, 1, last))?;
@@ -297,7 +297,7 @@ fn judge(cell: &Cell, folder: &Path, seconds: f64) -> anyhow::Result<Finding> {
     let off_by = |d: &Deviation| format!("{} {:.2e} (allowed {:.0e})", d.what, d.is, d.allowed);
     let (outcome, why) = match (off, warnings.first()) {
         (None, None) => {
-            // How near: the deviation that takes the largest part of what is allowed.
+            // The deviation that takes the largest part of its limit.
             let part = |d: &Deviation| if d.allowed > 0.0 { d.is / d.allowed } else { 0.0 };
             let nearest = deviations.iter().max_by(|a, b| part(a).total_cmp(&part(b)));
             (Outcome::Right, nearest.map(off_by).unwrap_or_default())

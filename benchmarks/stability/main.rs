@@ -1,4 +1,4 @@
-//! The map of stability: the program in cells from the ordinary to the absurd, started as a user would start it.
+//! Map of stability: the program in cells from ordinary to extreme parameters, started as a user would start it.
 //!
 //! ```text
 //! cargo bench --bench stability                        runs all cells; table and picture go to target/stability
@@ -7,10 +7,11 @@
 //! cargo bench --bench stability -- --only TEXT         the rows whose name contains this text
 //! ```
 //!
-//! Each cell is run on one rank and on two (some on eight), which must agree in every bit. It ends right, as theory has it;
-//! or refused; or stopped or warned with a message. It fails if a cell ends otherwise: off without a word, not a number,
-//! hung, panicked. What is right is said by each row: closed forms and conserved quantities; for all of them no particle may
-//! be lost, at most 1 % of the dissipated energy may be missing, and the first method must answer 99 of 100 pairs.
+//! Each cell is run on one rank and on two (some on eight), which must agree in every bit. It must end with the theoretical
+//! result, be rejected, be stopped with a message, or deviate with a warning. A cell fails if it deviates without a warning,
+//! has values that are not numbers, hangs or panics. Each row defines its expected results from closed forms and conserved
+//! quantities. In every cell no particle may be lost, and the energy error may be at most 1 % of the dissipated energy. The
+//! first method must resolve 99 of 100 pairs.
 
 mod cell;
 mod picture;
@@ -25,7 +26,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Parser)]
 struct Arguments {
-    /// Some cells, held against the record.
+    /// Some cells, compared with the record.
     #[arg(long)]
     quick: bool,
     /// Only rows whose name contains this.
@@ -42,7 +43,7 @@ struct Arguments {
     bench: bool,
 }
 
-/// Where the committed record stands.
+/// Table of the committed record.
 const RECORD: &str =
     concat!(env!("CARGO_MANIFEST_DIR"), "/benchmarks/records/2026-11-stability/map.csv");
 
@@ -108,7 +109,7 @@ fn write(path: &Path, cells: &[Cell], findings: &[Finding]) -> anyhow::Result<()
     Ok(table.flush()?)
 }
 
-/// Holds the outcomes against those of the record.
+/// Compares the outcomes with those of the record.
 fn compare(cells: &[Cell], findings: &[Finding]) -> anyhow::Result<()> {
     let mut recorded = Vec::new();
     let mut record = csv::Reader::from_path(RECORD)

@@ -1,16 +1,16 @@
-//! The map as SVG: a row of boxes for each quantity, coloured by how the cell ended.
+//! The map as SVG: a row of boxes for each quantity, coloured by outcome.
 
 use crate::cell::{Cell, Finding, Outcome};
 use std::fmt::Write;
 use std::path::Path;
 
-/// Size of a box, and where the first one begins.
+/// Size of a box, and position of the first one.
 const BOX: [usize; 2] = [62, 20];
 const LEFT: usize = 300;
-/// Boxes side by side, at most.
+/// Largest number of boxes side by side.
 const ALONG: usize = 10;
 
-/// Colours that also people see who cannot tell red from green (Okabe and Ito's).
+/// Colours that red-green blind readers can distinguish (Okabe and Ito).
 const fn colour(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Right => "#009E73",
@@ -22,7 +22,7 @@ const fn colour(outcome: Outcome) -> &'static str {
     }
 }
 
-/// Draws it.
+/// Draws the map.
 pub(crate) fn draw(path: &Path, cells: &[Cell], findings: &[Finding]) -> anyhow::Result<()> {
     let mut body = String::new();
     let mut y = 40;

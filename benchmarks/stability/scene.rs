@@ -1,4 +1,4 @@
-//! Scenes of a few grains, as a user would write them.
+//! Scenes of a few particles, as a user would write them.
 
 pub(crate) use benchmarking::grains::Grain;
 
@@ -9,23 +9,23 @@ use std::fmt::Write;
 
 /// Radius of most balls [m].
 pub(crate) const RADIUS: f64 = 0.01;
-/// Density of most grains [kg/m³].
+/// Density of most particles [kg/m³].
 pub(crate) const DENSITY: f64 = 2500.0;
-/// Gravity where there is some [m/s²].
+/// Gravity of scenes with gravity [m/s²].
 pub(crate) const G: f64 = 9.81;
-/// Mass of such a ball [kg].
+/// Mass of a ball of this radius and density [kg].
 pub(crate) const MASS: f64 = 4.0 / 3.0 * std::f64::consts::PI * RADIUS * RADIUS * RADIUS * DENSITY;
 
-/// How long a time step is.
+/// Length of a time step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Step {
     /// In seconds.
     Seconds(f64),
-    /// Over the largest stable one.
+    /// Relative to the largest stable step.
     OfLimit(f64),
 }
 
-/// How long a stage is.
+/// Length of a stage.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Length {
     /// In steps.
@@ -34,10 +34,10 @@ pub(crate) enum Length {
     Seconds(f64),
 }
 
-/// A scene's text, and its file of particles.
+/// Text of a scene, with its file of particles.
 #[derive(Clone, Debug)]
 pub(crate) struct Scene {
-    /// [m/s²]
+    /// Gravity [m/s²].
     pub(crate) gravity: Vec3,
     /// Corners of the domain [m].
     pub(crate) low: Vec3,
@@ -56,7 +56,7 @@ pub(crate) struct Scene {
 }
 
 impl Scene {
-    /// Grains that nobody pulls at, in a wide domain without walls.
+    /// Particles without external forces, in a wide domain without walls.
     pub(crate) fn free(tables: String, grains: Vec<Grain>) -> Self {
         let wide = Vec3::repeat(1e3 * RADIUS);
         Self {
@@ -73,7 +73,7 @@ impl Scene {
         }
     }
 
-    /// The same above a floor at z = 0.
+    /// Particles above a floor at z = 0.
     pub(crate) fn on_floor(tables: String, grains: Vec<Grain>) -> Self {
         let mut scene = Self::free(tables, grains);
         scene.low.z = 0.0;
@@ -81,17 +81,17 @@ impl Scene {
         scene
     }
 
-    /// The same under gravity.
+    /// The scene under gravity.
     pub(crate) fn heavy(self) -> Self {
         Self { gravity: Vec3::new(0.0, 0.0, -G), ..self }
     }
 
-    /// With this step and length.
+    /// The scene with this step and length.
     pub(crate) fn lasting(self, step: Step, length: Length) -> Self {
         Self { step, length, ..self }
     }
 
-    /// The text of a stage, which begins where the snapshots in `before` end, if there are any; and that of the file
+    /// Text of a stage that begins from the snapshots in `before`, if there are any, and text of the file
     /// `grains.csv`.
     pub(crate) fn texts(&self, before: Option<&str>) -> (String, String) {
         let dt = self.dt();
@@ -107,14 +107,14 @@ impl Scene {
     pub(crate) fn dt(&self) -> f64 {
         match self.step {
             Step::Seconds(dt) => dt,
-            // Where the rest of the scene is refused, the program shall say so.
+            // If the rest of the scene is invalid, the program itself shall reject it.
             Step::OfLimit(share) => share * self.limit().unwrap_or(1e-6),
         }
     }
 
-    /// The largest stable step [s], as the program's library has it.
+    /// Largest stable step [s], computed by the library of the program.
     fn limit(&self) -> Option<f64> {
-        // Any step that is accepted, and a grain of each shape.
+        // A scene with any accepted step, and one particle of each shape.
         let mut other = self.clone();
         "allow_unstable = true".clone_into(&mut other.time);
         let text = other.text(1e-300, 1, None);
@@ -147,25 +147,25 @@ impl Scene {
     }
 }
 
-/// A material.
+/// Text of a material.
 pub(crate) fn material(name: &str, density: f64, stiffness: f64, keys: &str) -> String {
     format!(
         "[[material]]\nname = \"{name}\"\ndensity = {density:e}\nnormal_stiffness = {stiffness:e}\n{keys}\n"
     )
 }
 
-/// A shape of the material of its name.
+/// Text of a shape of the material of its name.
 pub(crate) fn shape(name: &str, kind: &str, keys: &str) -> String {
     format!("[[shape]]\nname = \"{name}\"\nkind = \"{kind}\"\n{keys}\n")
 }
 
-/// Balls of [`RADIUS`] of one material.
+/// Text of balls of [`RADIUS`] of one material.
 pub(crate) fn balls(stiffness: f64, keys: &str) -> String {
     material("m", DENSITY, stiffness, keys)
         + &shape("ball", "sphere", &format!("radius = {RADIUS}"))
 }
 
-/// A cuboid's corners.
+/// Corners of a cuboid as text.
 pub(crate) fn cuboid(edges: [f64; 3]) -> String {
     let side = |k: u32, i: usize| if k >> i & 1 == 1 { 0.5 * edges[i] } else { -0.5 * edges[i] };
     let corners: Vec<String> = (0..8).map(|k| list(&Vec3::from_fn(|i, _| side(k, i)))).collect();

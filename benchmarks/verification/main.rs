@@ -1,4 +1,4 @@
-//! Published cases, closed forms and other codes: their numbers and this program's, in one table.
+//! Published cases, closed forms and other codes: their numbers beside those of this program, in one table.
 //!
 //! ```text
 //! cargo bench --bench verification                        prints the table; it and the pictures go to target/
@@ -8,8 +8,8 @@
 //! cargo bench --bench verification -- --outside FOLDER    only how every scene below this folder ends
 //! ```
 //!
-//! It fails if a case does, unless it is known to fall short. Where LAMMPS' `lmp` is installed, its orders of
-//! convergence stand beside this program's.
+//! The benchmark fails if a case does, unless it is known to fall short. If LAMMPS' `lmp` is installed, its
+//! orders of convergence are listed beside those of this program.
 
 mod cases;
 mod outside;

@@ -1,4 +1,4 @@
-//! A folder of scenes of other people: how each of them ends, in one table.
+//! Results of all scenes in a folder, in one table.
 
 use anyhow::Context;
 use serde_json::Value;
@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::Instant;
 
-/// Prints for every scene below a folder how it ended, and what the report and the program say of it.
+/// For every scene below a folder, prints its exit status and parts of the report and of the
+/// program's messages.
 pub(crate) fn run(folder: &Path, out: &Path) -> anyhow::Result<()> {
     let mut scenes = Vec::new();
     find(folder, &mut scenes)?;

@@ -1,4 +1,4 @@
-//! The table: on the screen, as Markdown, and all sub-cases as CSV.
+//! The table: on the screen, as Markdown, and with all sub-cases as CSV.
 
 use crate::cases::{Case, Verdict};
 use anyhow::Context;
@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-/// A number in as many digits as matter.
+/// A number with a sensible number of digits.
 fn short(x: f64) -> String {
     if x == 0.0 {
         "0".to_owned()
@@ -18,7 +18,7 @@ fn short(x: f64) -> String {
     }
 }
 
-/// Prints one line per case: its worst sub-case.
+/// Prints one line per case, with its worst sub-case.
 pub(crate) fn print(cases: &[Case]) {
     for case in cases {
         let worst = case.worst();
@@ -37,7 +37,7 @@ pub(crate) fn print(cases: &[Case]) {
     }
 }
 
-/// Writes `report.md`, with these images (file without ending, title), and `cases.csv`.
+/// Writes `report.md`, with images given by file without ending and title, and `cases.csv`.
 pub(crate) fn write(
     folder: &Path,
     command: &str,
@@ -108,7 +108,7 @@ fn report(
     Ok(report)
 }
 
-/// All sub-cases.
+/// Writes all sub-cases.
 fn write_rows(path: &Path, cases: &[Case]) -> anyhow::Result<()> {
     let mut table = csv::Writer::from_path(path)?;
     table.write_record([

@@ -1,16 +1,17 @@
-//! What the numbers say to someone who chooses settings.
+//! Advice on the choice of settings, derived from the results.
 
 use super::{COMPARED_AT, Errors, Kind, Row};
 use std::fmt::Write;
 
-/// Energy that may be missing: what the program warns of.
+/// Relative energy error from which the program warns.
 const MAY_MISS: f64 = 2e-3;
 
-/// A paragraph about a kind of grains, from its rows alone.
+/// A paragraph on a kind of particles, from its rows alone.
 pub(crate) fn of(kind: Kind, rows: &[Row], spread: &Errors) -> String {
     let of_what = |what: &'static str| rows.iter().filter(move |row| row.variant.what == what);
     let mut told = format!("**{}**: ", kind.name());
-    // Two packings differ by this much in half of all cases. The largest of five is larger by itself.
+    // Two packings differ by this much in half of all cases. The largest of five differences is
+    // larger by itself.
     let fits = |row: &&Row| is_within(&row.median, spread);
     let mut steps: Vec<&Row> = of_what("step").collect();
     steps.sort_by(|a, b| b.variant.setting.step.total_cmp(&a.variant.setting.step));
@@ -63,7 +64,7 @@ pub(crate) fn of(kind: Kind, rows: &[Row], spread: &Errors) -> String {
     told
 }
 
-/// Is no error larger than what another packing would change?
+/// True if no error exceeds the difference between two packings.
 fn is_within(errors: &Errors, spread: &Errors) -> bool {
     errors.stress <= spread.stress
         && errors.coordination <= spread.coordination

@@ -1,5 +1,5 @@
-//! Error against run time of whole simulations: what a smaller step, another contact method, softer grains or another skin
-//! cost, and what they gain.
+//! Error against run time of whole simulations: cost and gain of a smaller step, another contact method, softer particles or
+//! another skin.
 //!
 //! ```text
 //! cargo bench --bench work_precision                       prints; table, plots and advice go to target/
@@ -10,15 +10,15 @@
 //! cargo bench --bench work_precision -- --suggest          does what `dem-mpi --suggest` proposes keep its error?
 //! ```
 //!
-//! Packings of spheres, ellipsoids 2:1 and 5:1, superellipsoids and boxes come to rest under the same stress on all sides, and
-//! are then compressed by 6 % along z while the other sides keep their stress. Every run of a packing begins with the same
-//! snapshot; softer grains have packings of their own, so that means of the seeds are compared. The converged answer is the
-//! run with the smallest step (a fiftieth of the limit, of superellipsoids and boxes a twentieth) and the method `auto`. How
-//! far the converged answers of several seeds are apart tells which errors matter: a smaller one is lost in the choice of the
-//! packing.
+//! Packings of spheres, ellipsoids 2:1 and 5:1, superellipsoids and boxes come to rest under the same stress on all sides.
+//! They are then compressed by 6 % along z while the other sides keep their stress. Every run of a packing begins from the
+//! same snapshot. Softer particles have packings of their own, so that means over the seeds are compared. The converged result
+//! is the run with the smallest step (a fiftieth of the limit, for superellipsoids and boxes a twentieth) and the method
+//! `auto`. The difference between the converged results of several seeds shows which errors matter: a smaller error is lost in
+//! the choice of the packing.
 //!
-//! Each run takes one core; as many run at once as there are cores. Run time is what a run has had of its core, so other work
-//! on the machine shows only as far as it takes caches away.
+//! Each run takes one core; as many run at once as there are cores. Run time is the core time of a run, so that other work on
+//! the machine affects it only through the caches.
 
 mod advice;
 mod runs;
@@ -44,10 +44,10 @@ struct Arguments {
     /// Write table, plots and advice into this folder.
     #[arg(long, value_name = "FOLDER", default_value = "target/work_precision")]
     record: PathBuf,
-    /// Draws anew from the runs of a record that is there.
+    /// Write table, plots and advice again from the runs of an existing record.
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["quick", "only"])]
     again: Option<PathBuf>,
-    /// Try what `dem-mpi --suggest` proposes, on 10 seeds of three scenes; fails if fewer than 9 keep their error.
+    /// Try the proposals of `dem-mpi --suggest`, on 10 seeds of three scenes; fails if fewer than 9 keep their error.
     #[arg(long, conflicts_with = "again")]
     suggest: bool,
     /// Cargo passes this.
@@ -55,12 +55,12 @@ struct Arguments {
     bench: bool,
 }
 
-/// How much is done.
+/// Extent of a study.
 struct Plan {
-    /// Grains along each axis.
+    /// Number of particles along each axis.
     along: u32,
     seeds: u64,
-    /// Step of the converged answer over the limit.
+    /// Step of the converged result over the limit.
     converged: f64,
     steps: &'static [f64],
     quick: bool,
@@ -73,16 +73,16 @@ const FULL: Plan = Plan {
     steps: &[1.0, 0.8, 0.5, 0.3, 0.1, 0.05],
     quick: false,
 };
-/// Of superellipsoids, whose contacts take five times as long as those of ellipsoids.
+/// Plan for superellipsoids, whose contacts take five times as long as those of ellipsoids.
 const FULL_OF_DEAR: Plan = Plan { converged: 0.05, steps: &[1.0, 0.8, 0.5, 0.3, 0.1], ..FULL };
-/// Of boxes, whose contacts take ten times as long as those.
+/// Plan for boxes, whose contacts take ten times as long as those of superellipsoids.
 const FULL_OF_BOXES: Plan = Plan { along: 5, ..FULL_OF_DEAR };
 const QUICK: Plan = Plan { along: 4, seeds: 2, converged: 0.1, steps: &[1.0, 0.5], quick: true };
 
-/// Step over the limit with which methods, stiffnesses and skins are compared.
+/// Step over the limit at which methods, stiffnesses and skins are compared.
 const COMPARED_AT: f64 = 0.5;
 
-/// What is changed, and to what.
+/// Changed setting, with its value.
 #[derive(Clone, Debug, PartialEq)]
 struct Variant {
     what: &'static str,
@@ -122,7 +122,7 @@ impl Plan {
     }
 }
 
-/// A packing's converged answer and what its variants came to.
+/// Converged result of a packing, and the results of its variants.
 struct Studied {
     kind: Kind,
     seed: u64,
@@ -130,16 +130,16 @@ struct Studied {
     variants: Vec<(Variant, Outcome)>,
 }
 
-/// How far a run is from the converged answer.
+/// Differences of a run from the converged result.
 #[derive(Clone, Copy, Debug, Default)]
 struct Errors {
-    /// Of the axial stress, relative.
+    /// Relative error of the axial stress.
     stress: f64,
-    /// Of the mean coordination number, relative.
+    /// Relative error of the mean coordination number.
     coordination: f64,
-    /// Of the anisotropy of normals.
+    /// Error of the anisotropy of normals.
     a_c: f64,
-    /// Energy missing over what was dissipated.
+    /// Energy error over the dissipated energy.
     missing: f64,
 }
 
@@ -159,7 +159,7 @@ struct Row {
     variant: Variant,
     /// Median time [s].
     seconds: f64,
-    /// Median of the seeds; of softer grains, but for the energy, that of their means.
+    /// Median over the seeds. For softer particles it is the error of the mean over the seeds, except for the energy.
     median: Errors,
     largest: Errors,
 }
@@ -178,7 +178,7 @@ fn main() -> anyhow::Result<()> {
     let studied = if let Some(folder) = again {
         read_runs(&std::fs::read_to_string(folder.join(RUNS))?)?
     } else {
-        // The dear ones first.
+        // The most expensive kinds first.
         let seeds = |kind| 1..=Plan::of(kind, quick).seeds;
         let tasks = kinds.iter().rev().flat_map(|&kind| seeds(kind).map(move |seed| (kind, seed)));
         let scratch = tempfile::tempdir()?;
@@ -231,7 +231,7 @@ fn study(plan: &Plan, kind: Kind, seed: u64, folder: &Path) -> anyhow::Result<St
     Ok(Studied { kind, seed, converged, variants })
 }
 
-/// How far apart the converged answers of the seeds are: standard deviations, relative but for `a_c`.
+/// Standard deviations of the converged results over the seeds, relative except for `a_c`.
 fn spread(studied: &[&Studied]) -> Errors {
     let deviation = |of: fn(&Outcome) -> f64| {
         let values: Vec<f64> = studied.iter().map(|s| of(&s.converged)).collect();
@@ -280,7 +280,7 @@ fn rows(plan: &Plan, kind: Kind, studied: &[&Studied]) -> Vec<Row> {
     plan.variants(kind).into_iter().enumerate().map(|(k, v)| of_variant(k, v)).collect()
 }
 
-/// Of the outcomes of all seeds; steps and time are those of the first.
+/// Mean of the outcomes of all seeds; steps and time are those of the first.
 fn mean(studied: &[&Studied], of: impl Fn(&Studied) -> &Outcome) -> Outcome {
     let over_all = |column: fn(&Outcome) -> f64| {
         studied.iter().map(|s| column(of(s))).sum::<f64>() / studied.len() as f64
@@ -298,7 +298,7 @@ fn mean(studied: &[&Studied], of: impl Fn(&Studied) -> &Outcome) -> Outcome {
 const TABLE: &str = "kind,what,value,seconds,pareto,stress_median,stress_largest,coordination_median,\
                      coordination_largest,a_c_median,a_c_largest,missing_median,missing_largest\n";
 
-/// Is no other setting both as fast and nearer to the converged stress?
+/// True if no other setting is both as fast and nearer to the converged stress.
 fn is_pareto(row: &Row, rows: &[Row]) -> bool {
     let better = |other: &Row| {
         other.seconds <= row.seconds
@@ -350,10 +350,10 @@ fn print(kind: Kind, rows: &[Row], spread: &Errors, table: &mut String) -> anyho
     Ok(())
 }
 
-/// The table of all runs.
+/// Name of the table of all runs.
 const RUNS: &str = "runs.csv";
 
-/// The runs of a table, as [`runs_table`] has written it.
+/// Runs of a table written by [`runs_table`].
 fn read_runs(text: &str) -> anyhow::Result<Vec<Studied>> {
     let mut studied: Vec<Studied> = Vec::new();
     for row in csv::Reader::from_reader(text.as_bytes()).into_records() {
@@ -384,7 +384,7 @@ fn read_runs(text: &str) -> anyhow::Result<Vec<Studied>> {
     Ok(studied)
 }
 
-/// Every run.
+/// Table of all runs.
 fn runs_table(studied: &[Studied]) -> anyhow::Result<String> {
     let mut table =
         "kind,seed,what,value,steps,seconds,axial_stress_pa,mean_stress_pa,coordination,a_c,missing\n"
@@ -404,7 +404,7 @@ fn runs_table(studied: &[Studied]) -> anyhow::Result<String> {
     Ok(table)
 }
 
-/// The smallest error that is drawn: an answer may be the converged one to the last bit.
+/// Smallest error drawn: a result may equal the converged one to the last bit.
 const LEAST: f64 = 1e-6;
 
 fn draw(path: &Path, rows: &[Row], spread: &Errors) -> anyhow::Result<()> {

@@ -1,4 +1,4 @@
-//! The runs of the study: a packing under pressure, sheared by walls, with one setting changed.
+//! Runs of the study: a packing under pressure, compressed by walls, with one setting changed.
 
 use anyhow::{Context, anyhow, ensure};
 use dem_mpi::comm::alone::Alone;
@@ -13,7 +13,7 @@ use dem_mpi::timing::Phase;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A kind of grains: all about as large as a ball of this diameter.
+/// A kind of particles, all about as large as a ball of `DIAMETER`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Spheres,
@@ -27,17 +27,18 @@ pub(crate) enum Kind {
 const DIAMETER: f64 = 2e-3;
 /// Density [kg/m³].
 const DENSITY: f64 = 2600.0;
-/// Normal stiffness, if no run says otherwise [N/m].
+/// Default normal stiffness [N/m].
 const STIFFNESS: f64 = 1e4;
-/// Confining stress: overlaps are about a thousandth of the diameter [Pa].
+/// Confining stress [Pa]: overlaps are about a thousandth of the diameter.
 const STRESS: f64 = 5e3;
-/// Axial strain of the shear.
+/// Axial strain of the compression.
 const STRAIN: f64 = 0.06;
-/// Distance of grains on the lattice at the start, over their bounding radius: room for any orientation.
+/// Initial lattice spacing over the bounding radius: room for any orientation.
 const ROOMY: f64 = 3.0;
-/// How far they are from their places along each axis at most, over it: what comes to rest is no lattice.
+/// Largest initial displacement along each axis, over the bounding radius: the packing at rest is not a
+/// lattice.
 const JITTER: f64 = 0.45;
-/// Rate of that strain over `√(p/ρ)/d`.
+/// Rate of the axial strain over `√(p/ρ)/d`.
 const INERTIAL: f64 = 6e-3;
 
 impl Kind {
@@ -54,12 +55,12 @@ impl Kind {
         }
     }
 
-    /// In a file's name.
+    /// Name in a file name.
     pub(crate) fn file(self) -> String {
         self.name().replace([' ', ':'], "_")
     }
 
-    /// Its keys in a scene. Of one size, balls would come to rest as a crystal.
+    /// Keys in a scene. Balls of one size would come to rest as a crystal.
     fn keys(self) -> String {
         format!("{}size = {{ uniform = [0.75, 1.25] }}\n", self.shape())
     }
@@ -89,7 +90,7 @@ impl Kind {
         }
     }
 
-    /// Methods to compare beside that of `auto`, as keys of `[contact]`, and their names.
+    /// Methods to compare with `auto`, as names and keys of `[contact]`.
     pub(crate) const fn methods(self) -> &'static [(&'static str, &'static str)] {
         const EPA: (&str, &str) = ("epa", "method = \"epa\"");
         const EROSION: (&str, &str) = ("gjk-erosion", "method = \"gjk-erosion\"");
@@ -103,24 +104,24 @@ impl Kind {
     }
 }
 
-/// What a run has that another has not.
+/// Settings in which runs differ.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Setting {
     /// Step over the stable limit.
     pub(crate) step: f64,
     /// Keys of `[contact]`.
     pub(crate) contact: &'static str,
-    /// Normal stiffness over that of the others.
+    /// Normal stiffness over the default.
     pub(crate) stiffness: f64,
     /// Skin over the default.
     pub(crate) skin: f64,
 }
 
-/// What the study knows of a run.
+/// Results of a run.
 #[derive(Clone, Debug)]
 pub(crate) struct Outcome {
     pub(crate) steps: u64,
-    /// Of a core, without reading and writing snapshots [s].
+    /// Core time without reading and writing snapshots [s].
     pub(crate) seconds: f64,
     /// Axial stress [Pa].
     pub(crate) axial: f64,
@@ -130,15 +131,15 @@ pub(crate) struct Outcome {
     pub(crate) coordination: f64,
     /// Anisotropy of contact normals.
     pub(crate) a_c: f64,
-    /// Energy missing over what was dissipated.
+    /// Energy error over the dissipated energy.
     pub(crate) missing: f64,
 }
 
-/// Grains of one kind and seed, in a folder of their own.
+/// Particles of one kind and seed, in a folder of their own.
 pub(crate) struct Packing {
     pub(crate) kind: Kind,
     pub(crate) seed: u64,
-    /// Grains along each axis.
+    /// Number of particles along each axis.
     pub(crate) along: u32,
     pub(crate) folder: PathBuf,
 }
@@ -151,7 +152,7 @@ pub(crate) struct Rested {
 }
 
 impl Packing {
-    /// The scene's text but for time, stage and output.
+    /// Text of the scene without time, stage and output.
     fn text(&self, setting: &Setting) -> anyhow::Result<String> {
         let Self { kind, seed, along, .. } = self;
         let shape = format!("[[shape]]\nname = \"grain\"\nmaterial = \"grain\"\n{}", kind.keys());
@@ -174,7 +175,7 @@ impl Packing {
         ))
     }
 
-    /// Of the grain [m].
+    /// Bounding radius of the particle [m].
     fn bounding_radius(&self) -> anyhow::Result<f64> {
         let text = format!(
             "[domain]\nlow = [0, 0, 0]\nhigh = [1, 1, 1]\n[[material]]\nname = \"grain\"\ndensity = {DENSITY}\n\
@@ -195,7 +196,7 @@ impl Packing {
         axes.iter().map(servo).collect()
     }
 
-    /// The stable limit [s].
+    /// Stable limit of the time step [s].
     fn limit(&self, text: &str) -> anyhow::Result<f64> {
         let rest = "[[fill.lattice]]\ncount = [1, 1, 1]\nfirst = [1e-3, 1e-3, 1e-3]\n\
                     [time]\nstep = 1e-9\nsteps = 1\n[output]\ndirectory = \"none\"\n";
@@ -203,7 +204,7 @@ impl Packing {
         Ok(scene.time_step_limit().context("grains that push each other have a limit")?.dt)
     }
 
-    /// From a lattice to rest under the same stress on all sides.
+    /// Simulates from a lattice to rest under the same stress on all sides.
     pub(crate) fn rest(&self, stiffness: f64) -> anyhow::Result<Rested> {
         let setting = Setting { step: 0.5, contact: "", stiffness, skin: 1.0 };
         let text = self.text(&setting)?;
@@ -233,7 +234,7 @@ impl Packing {
         let rate = INERTIAL * (STRESS / DENSITY).sqrt() / DIAMETER;
         let steps = (STRAIN / rate / (setting.step * self.limit(&text)?)).ceil();
         let (dt, speed) = (STRAIN / rate / steps, 0.5 * rate * rested.height);
-        // The walls' velocities belong to the domain's table, which is the first.
+        // Wall velocities belong to the table of the domain, which is the first.
         let moving = format!(
             "wall_velocity = {{ \"-z\" = [0, 0, {speed:e}], \"+z\" = [0, 0, {:e}] }}\n[[material]]",
             -speed
@@ -264,7 +265,7 @@ impl Packing {
     }
 }
 
-/// What this thread has had of a core since it began [s]: the first number of Linux's `schedstat`, in ns.
+/// Core time of this thread since it began [s]: the first number of Linux's `schedstat`, in ns.
 fn seconds_of_this_thread() -> anyhow::Result<f64> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
     let ns = text.split_whitespace().next().context("an empty schedstat")?;

@@ -1,11 +1,11 @@
-//! Does what `dem-mpi --suggest` proposes keep the error that was asked for?
+//! Test whether the proposals of `dem-mpi --suggest` keep the requested error.
 //!
-//! Scenes that the study does not use, ten seeds each, errors of 1 % and 5 %. What is proposed is held against the same trial
-//! with a step of 1/160 of the stable limit, shorter than any that a suggestion looks at.
+//! Scenes that the study does not use are run with ten seeds each, for errors of 1 % and 5 %. The proposal is compared with
+//! the same trial with a step of 1/160 of the stable limit, shorter than any step considered by a suggestion.
 //!
-//! Grains that fall from a lattice come to rest in another packing if a start differs in the tenth digit, so there is no error
-//! of a step to keep. There the suggestion must not promise any, and its floor must be as large as what runs really differ by
-//! (from a step of 1/40 of the limit: shorter ones are other packings, no better ones).
+//! Particles that fall from a lattice come to rest in another packing if a start differs in the tenth digit. There is no error
+//! of a step to keep, so that the suggestion must not promise any. Its floor must be as large as the actual differences
+//! between runs. These are taken from a step of 1/40 of the limit: shorter steps give other packings, not better ones.
 
 use super::runs::{parsed, ran};
 use anyhow::{Context, ensure};
@@ -15,26 +15,26 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicUsize;
 
-/// Errors that are asked for.
+/// Requested errors.
 const ASKED: [f64; 2] = [0.05, 0.01];
 const SEEDS: u64 = 10;
-/// Of so many seeds, how many must keep the error.
+/// Number of seeds, of `SEEDS`, that must keep the error.
 const ENOUGH: u64 = 9;
-/// No error may be so many times the expected one.
+/// Largest accepted error over the expected one.
 const FAR: f64 = 5.0;
 
 /// A scene to be tried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Case {
-    /// A bed of spheres and ellipsoids in a box, tilted.
+    /// A tilted bed of spheres and ellipsoids in a box.
     Tilted,
-    /// A packing of spheres of many sizes, at rest between six walls, whose stress is doubled.
+    /// A packing of spheres of many sizes, at rest between six walls; the stress is doubled.
     Pressed,
     /// Spheres and ellipsoids fall into a box and come to rest.
     Falling,
 }
 
-/// Of all scenes.
+/// Material and spheres of all scenes.
 const SPHERES: &str = "[[material]]\nname = \"grain\"\ndensity = 2600.0\nnormal_stiffness = 1e3\nfriction = 0.4\nrestitution = 0.3\n\
                        [[shape]]\nname = \"ball\"\nkind = \"sphere\"\nmaterial = \"grain\"\ndiameter = 2e-3\nsize = { uniform = [0.7, 1.3] }\n";
 
@@ -46,7 +46,7 @@ const PLACES: &str =
 
 const OUTPUT: &str = "[output]\ndirectory = \"none\"\n";
 
-/// The start of what is tilted: at rest, but for a ball that may go on rolling on the floor, for nothing here resists that.
+/// Settling before the tilt: everything at rest, except a ball that may roll on the floor without resistance.
 const TO_REST: &str = "[time]\nstep = 5e-6\nsteps = 100_000\n[stop]\nrest = 1e-4\n";
 
 const BETWEEN_WALLS: &str = "[domain]\nlow = [0, 0, 0]\nhigh = [0.018, 0.018, 0.018]\n\
@@ -71,7 +71,7 @@ impl Case {
         }
     }
 
-    /// Halvings of the longest step in the run that counts as the truth.
+    /// Halvings of the longest step in the reference run.
     const fn converged(self) -> usize {
         match self {
             Self::Tilted | Self::Pressed => 7,
@@ -79,10 +79,10 @@ impl Case {
         }
     }
 
-    /// The text of the stage that is tried, but for its start, and that of the stage before.
+    /// Text of the tried stage without its start, and text of the stage before.
     fn stages(self, head: &str) -> (String, Option<String>) {
         let down = "gravity = [0, 0, -9.81]\n";
-        // By 10 degrees: less than the angle of repose.
+        // Tilted by 10 degrees, less than the angle of repose.
         let aslant = "gravity = [1.7035, 0, -9.6610]\n";
         let fill = "[[fill.lattice]]\nshapes = { ball = 0.5, egg = 0.5 }\n";
         let time = |steps: u32| format!("[time]\nstep = 5e-6\nsteps = {steps}\n{OUTPUT}");
@@ -101,7 +101,7 @@ impl Case {
         }
     }
 
-    /// Writes the scene of a seed, with what it begins with.
+    /// Writes the scene of a seed, with its initial state.
     fn scene(self, seed: u64, folder: &Path) -> anyhow::Result<PathBuf> {
         let head = format!("title = \"{}\"\nseed = {seed}\n", self.name());
         let (mut text, before) = self.stages(&head);
@@ -117,15 +117,15 @@ impl Case {
     }
 }
 
-/// How a proposal did.
+/// Result of a proposal.
 struct Row {
     case: Case,
     seed: u64,
     asked: f64,
-    /// Step over the stable limit of what was proposed.
+    /// Proposed step over the stable limit.
     step: f64,
     suggestion: Suggestion,
-    /// Of stress, contacts and energy, against the truth.
+    /// Errors of stress, contacts and energy relative to the reference.
     errors: [f64; 3],
 }
 
@@ -138,15 +138,15 @@ impl Row {
         self.error() <= self.asked
     }
 
-    /// Is every error below the expected one?
+    /// True if every error is below the expected one.
     fn is_below_expected(&self) -> bool {
         let Expected { stress, contacts, energy } = self.suggestion.expected;
         let [of_stress, of_contacts, of_energy] = self.errors;
-        // Of the energy, the truth misses some, too.
+        // The reference also has an energy error.
         of_stress <= stress && of_contacts <= contacts && of_energy <= energy + self.asked * 0.1
     }
 
-    /// The larger one of the errors of stress and contacts over the expected ones.
+    /// The larger of the errors of stress and contacts over the expected ones.
     fn over_expected(&self) -> f64 {
         let Expected { stress, contacts, .. } = self.suggestion.expected;
         (self.errors[0] / stress).max(self.errors[1] / contacts)
@@ -180,7 +180,7 @@ pub(crate) fn hold(only: &str, quick: bool, record: &Path, scratch: &Path) -> an
     judged(&rows, seeds.count() as u64)
 }
 
-/// Both errors of a seed.
+/// Results of a seed for both requested errors.
 fn tried(case: Case, seed: u64, folder: &Path) -> anyhow::Result<Vec<Row>> {
     std::fs::create_dir_all(folder)?;
     let (scene, signal) = (case.scene(seed, folder)?, AtomicUsize::new(0));
@@ -232,7 +232,7 @@ fn table(rows: &[Row]) -> anyhow::Result<String> {
     Ok(table)
 }
 
-/// Counts, and whether they are enough.
+/// Counts the successes and fails if they are too few.
 fn judged(rows: &[Row], seeds: u64) -> anyhow::Result<()> {
     let is_enough = |count: usize, of: usize| count as u64 * SEEDS >= ENOUGH * of as u64;
     let mut all = true;
@@ -256,7 +256,7 @@ fn judged(rows: &[Row], seeds: u64) -> anyhow::Result<()> {
             100.0 * worst
         );
         all &= is_enough(kept, promised) && far < FAR;
-        // What is not promised has a floor that must be high enough.
+        // Falling particles must have no promise, and a floor that is high enough.
         all &= match case {
             Case::Falling => promised == 0 && is_enough(below, these.len()),
             Case::Tilted | Case::Pressed => is_enough(within, these.len()),

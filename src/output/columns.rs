@@ -1,4 +1,4 @@
-//! What the columns of a snapshot hold: numbers of any kind, in memory as they are used and in files as they are stored.
+//! Values of the columns of a snapshot: numbers of any kind, in their form in memory and their form in files.
 
 use super::SnapshotError;
 use super::hdf5::{Column, Element, Piece, SnapshotFile};
@@ -7,29 +7,29 @@ use crate::ids::{GlobalId, ShapeId, Standing};
 use crate::math::Vec3;
 use std::borrow::Cow;
 
-/// As a file knows a column.
+/// Description of a column for a file.
 pub(super) fn column<'a>(place: &'a str, unit: &'a str, values: &dyn Numbers) -> Column<'a> {
     Column { place, width: values.labels().len(), unit }
 }
 
-/// Numbers of particles or contacts, so many of each.
+/// Numbers of particles or contacts, a fixed number of each.
 pub trait Numbers {
-    /// How many rows there are.
+    /// Number of rows.
     fn rows(&self) -> usize;
 
-    /// What follows the name of the column for each number of a row.
+    /// Suffixes to the name of the column, one for each number of a row.
     fn labels(&self) -> &'static [&'static str];
 
-    /// A number of a row; of names and counts, too.
+    /// Number `k` of a row; identifiers and counts are converted.
     fn number(&self, row: usize, k: usize) -> f64;
 
     /// Bytes of a row in a file.
     fn row_bytes(&self) -> usize;
 
-    /// Writes all rows in this order. Collective.
+    /// Writes all rows in the given order. Collective.
     ///
     /// # Errors
-    /// As [`SnapshotFile::rows`].
+    /// See [`SnapshotFile::rows`].
     fn write(
         &self,
         file: &mut SnapshotFile,
@@ -37,10 +37,10 @@ pub trait Numbers {
         order: &Order,
     ) -> Result<(), SnapshotError>;
 
-    /// All rows as a file has them.
+    /// All rows in their form in a file.
     fn bytes(&self) -> Vec<u8>;
 
-    /// What VTK calls the type of the numbers in a file.
+    /// VTK's name of the type of the numbers in a file.
     fn vtk_name(&self) -> &'static str;
 
     /// Adds the rows of another rank.
@@ -49,7 +49,7 @@ pub trait Numbers {
     /// Replaces all rows by those of a file.
     ///
     /// # Errors
-    /// As [`Piece::read`].
+    /// See [`Piece::read`].
     fn read(&mut self, piece: &Piece, column: &Column) -> Result<(), SnapshotError>;
 }
 
@@ -100,30 +100,30 @@ impl<T: Value> Numbers for Vec<T> {
 const SCALAR: &[&str] = &[""];
 const VECTOR: &[&str] = &[".x", ".y", ".z"];
 
-/// What a column has of a particle or a contact.
+/// Value of a column for one particle or contact.
 pub trait Value: Copy {
-    /// As a file holds its numbers.
+    /// Type of the numbers in a file.
     type Element: Element;
 
-    /// What follows the name of the column for each number.
+    /// Suffixes to the name of the column, one for each number.
     const LABELS: &'static [&'static str];
 
-    /// One of its numbers.
+    /// Number `k` of the value.
     fn number(&self, k: usize) -> f64;
 
-    /// As a file holds them.
+    /// Converts rows to their form in a file.
     fn to_elements(rows: &[Self]) -> Cow<'_, [Self::Element]>;
 
-    /// From a file.
+    /// Converts elements of a file to rows.
     fn from_elements(elements: Vec<Self::Element>) -> Vec<Self>;
 }
 
-/// Numbers that stand in memory as in a file.
+/// Numbers with the same layout in memory and in a file.
 pub trait Plain: bytemuck::Pod {
-    /// One of them.
+    /// Type of one number.
     type Element: Element + Into<f64>;
 
-    /// As [`Value::LABELS`].
+    /// See [`Value::LABELS`].
     const LABELS: &'static [&'static str];
 }
 

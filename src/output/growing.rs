@@ -1,7 +1,7 @@
-//! A CSV file to which a run adds rows as it goes on, the step in the first column. Rank 0 writes.
+//! A CSV file that a run extends by rows, with the step in the first column. Rank 0 writes.
 //!
-//! A run that goes on from a snapshot goes on with the file: rows that it will write again are dropped, and half a line that a
-//! crash has left.
+//! A run that continues from a snapshot continues the file. Rows that it will write again are dropped, and so is an incomplete
+//! line left by a crash.
 
 use crate::files;
 use serde::{Deserialize, Serialize};
@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, thiserror::Error, Serialize, Deserialize)]
 #[error("cannot write {path}: {cause}. Check that the directory exists, is writable and has space")]
 pub struct TableError {
-    /// Which file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What went wrong.
+    /// Cause of the error.
     pub cause: String,
 }
 
@@ -24,13 +24,14 @@ pub struct TableError {
 pub struct GrowingTable {
     path: PathBuf,
     writer: csv::Writer<File>,
-    /// So many columns at the end are of runs before, which had others.
+    /// Number of last columns that belong to earlier runs only.
     former: usize,
 }
 
 impl GrowingTable {
-    /// Opens the file `name` in `directory` with these columns. Of a file that is there already, the rows of the steps that `keep` names
-    /// stay: a run that goes on from a snapshot continues its table. What only one of them knows is empty in the other's rows.
+    /// Opens the file `name` in `directory` with these columns. Existing rows of the steps that `keep` accepts stay, so that a
+    /// run that continues from a snapshot continues its table. A column that only the old or the new rows have is empty in the
+    /// others.
     ///
     /// # Errors
     /// If the file cannot be read or written.
@@ -64,13 +65,13 @@ impl GrowingTable {
             table.write_record(cells).map_err(|e| failed(&e))?;
         }
         let text = table.into_inner().map_err(|e| failed(&e))?;
-        // The rows of before are there at any moment.
+        // A complete file replaces the old one, so that earlier rows exist at any moment.
         let file = files::replace(&path, |file| file.write_all(&text)).map_err(|e| failed(&e))?;
         let writer = csv::WriterBuilder::new().has_headers(false).from_writer(file);
         Ok(Self { path, writer, former: columns.len() - known })
     }
 
-    /// Appends a row of all columns that it was opened with. It is in the file after [`GrowingTable::flush`].
+    /// Appends a row of all columns given to `open`. It is in the file after [`GrowingTable::flush`].
     ///
     /// # Errors
     /// If it cannot be written.
@@ -79,7 +80,7 @@ impl GrowingTable {
         self.writer.write_record(cells).map_err(|e| self.failed(&e))
     }
 
-    /// Hands all rows to the system.
+    /// Hands all rows to the operating system.
     ///
     /// # Errors
     /// If they cannot be written.
@@ -87,7 +88,7 @@ impl GrowingTable {
         self.writer.flush().map_err(|e| self.failed(&e))
     }
 
-    /// Waits until all rows that were flushed are on the disk, where a snapshot will be that goes on from them.
+    /// Waits until all flushed rows are on the disk, before a snapshot that continues from them.
     ///
     /// # Errors
     /// If they cannot be written, or the file has been removed or replaced since it was opened.
@@ -109,13 +110,13 @@ impl GrowingTable {
     }
 }
 
-/// The lines of a text that have an end: a crash or a full disk may have left half a line.
+/// Text up to the end of its last complete line: a crash or a full disk may leave an incomplete one.
 pub fn whole_lines(text: &[u8]) -> &[u8] {
     let end = text.iter().rposition(|&byte| byte == b'\n');
     &text[..end.map_or(0, |end| end + 1)]
 }
 
-/// The names of a table, and its rows of the steps that `keep` names.
+/// Names of the columns, and the rows of the steps that `keep` accepts.
 fn kept(
     text: &[u8],
     keep: impl Fn(u64) -> bool,

@@ -1,19 +1,17 @@
-//! HDF5: the only file that calls it.
+//! HDF5: the only module that calls the library.
 //!
-//! [`SnapshotFile`] writes columns of rows, each rank its own rows, one after the other in the order of
-//! the ranks. With MPI all ranks open the file and write each dataset in one collective call; HDF5 is
-//! asked afterwards whether it really did so, because it falls back to slow independent writes
-//! without a word. Without MPI rank 0 gathers the rows and writes alone.
+//! [`SnapshotFile`] writes columns of rows; each rank writes its own rows, in the order of the ranks. With MPI all ranks open
+//! the file and write each dataset in one collective call. HDF5 silently falls back to slow independent writes, so each call
+//! checks that the write was collective. Without MPI, rank 0 gathers the rows and writes alone.
 //!
 //! [`StoredFile`] reads, on any rank by itself and without MPI.
 //!
-//! Files are in the format of HDF5 1.8. Rows carry a [`checksum`], and behind the HDF5 file, where its
-//! readers do not look, stands one of all its bytes: HDF5 1.10 crashes on some damaged structures, so
-//! that nothing damaged may reach it.
+//! Files are in the format of HDF5 1.8. Rows carry a [`checksum`]. Another checksum of all bytes stands behind the HDF5 file,
+//! where its readers do not look. HDF5 1.10 crashes on some damaged structures, so no damaged file may reach it.
 //!
-//! A file may be made to do harm, with checksums that hold. Links lead to one place of this file, elements are of the types
-//! that are written here, rows stand in the file itself: anything else is refused before it is read. Room is made for what was
-//! asked for, and a file that has another amount is refused. Bugs of HDF5 in structures that are wrong remain.
+//! A malicious file can have valid checksums. Links must lead to one place of this file, element types must be those written
+//! here, and rows must stand in the file itself; anything else is rejected before it is read. Memory is allocated for the
+//! requested amount, and a file with another amount is rejected. Bugs of HDF5 in its handling of malformed structures remain.
 
 #![expect(unsafe_code, reason = "collective transfers and fixed-length text have no safe wrapper")]
 
@@ -43,7 +41,7 @@ use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// What `H5Pget_mpio_actual_io_mode` calls `H5D_MPIO_CONTIGUOUS_COLLECTIVE`.
+/// Value of `H5D_MPIO_CONTIGUOUS_COLLECTIVE`, as `H5Pget_mpio_actual_io_mode` returns it.
 const CONTIGUOUS_COLLECTIVE: c_int = 4;
 
 /// Room for the structures and small tables of a file, besides its rows [bytes].
@@ -55,9 +53,9 @@ unsafe extern "C" {
     fn H5Pget_mpio_actual_io_mode(list: hid_t, mode: *mut c_int) -> herr_t;
 }
 
-/// A number that a file holds as memory does.
+/// A number with the same bytes in memory and in a file.
 pub trait Element: H5Type + bytemuck::Pod {
-    /// What VTK calls its type.
+    /// VTK's name of the type.
     const VTK: &'static str;
 }
 
@@ -92,37 +90,37 @@ impl Element for u8 {
 /// A dataset: one row per particle, contact, wall, ...
 #[derive(Clone, Copy, Debug)]
 pub struct Column<'a> {
-    /// Where in the file, from `/`.
+    /// Path in the file, from `/`.
     pub place: &'a str,
-    /// Elements in a row.
+    /// Number of elements in a row.
     pub width: usize,
     /// Unit of the elements, attribute `unit`: `m/s`; `1` for a pure number; empty for none.
     pub unit: &'a str,
 }
 
-/// A file that all ranks write. Every call is collective; an error on one rank is the same error on all.
+/// A file that all ranks write. Every call is collective; an error on one rank is returned on all.
 pub struct SnapshotFile<'a> {
     comm: &'a mut dyn Comm,
     path: PathBuf,
     /// `None` on a rank that leaves the writing to rank 0.
     file: Option<File>,
-    /// On rank 0, the same file: to have what is written go to the disk at once.
+    /// Handle of the same file on rank 0, to start writing to the disk early.
     writeback: Option<fs::File>,
-    /// What was made room for [bytes].
+    /// Room that was reserved [bytes].
     room: u64,
     collective_writes: usize,
 }
 
 impl<'a> SnapshotFile<'a> {
-    /// Creates the file, or empties it, and makes room on the disk for `bytes` of this rank and those of
-    /// all others: a disk that fills up during a collective write hangs some versions of Open MPI.
+    /// Creates or empties the file, and reserves disk space for the `bytes` of all ranks. A disk that fills up during a
+    /// collective write hangs some versions of Open MPI.
     ///
     /// # Errors
     /// [`SnapshotError::Write`] if it cannot be created, or the disk is too full.
     pub fn create(path: &Path, bytes: u64, comm: &'a mut dyn Comm) -> Result<Self, SnapshotError> {
         let mpi = comm.mpi();
         let room = add_up(comm, bytes) + STRUCTURE;
-        // Before HDF5 has the file open, which it could not close on a full disk.
+        // Before HDF5 opens the file: HDF5 could not close it on a full disk.
         on_root(path, comm, || reserve(&files::create(path)?, room))?;
         let created = if mpi.is_some() || comm.is_root() {
             File::with_options()
@@ -135,7 +133,7 @@ impl<'a> SnapshotFile<'a> {
             Ok(None)
         };
         let file = agree(comm, created)?;
-        // Once more, because creating has emptied it.
+        // Again, because creating the file has emptied it.
         let mut writeback = None;
         on_root(path, comm, || {
             let opened = fs::File::options().write(true).open(path)?;
@@ -146,7 +144,7 @@ impl<'a> SnapshotFile<'a> {
         Ok(Self { comm, path: path.to_owned(), file, writeback, room, collective_writes: 0 })
     }
 
-    /// How many datasets HDF5 says it wrote collectively so far.
+    /// Number of datasets that HDF5 has reported as written collectively.
     pub fn collective_writes(&self) -> usize {
         self.collective_writes
     }
@@ -161,7 +159,7 @@ impl<'a> SnapshotFile<'a> {
         })
     }
 
-    /// Gives a group numbers as an attribute: one as a scalar, several as a vector.
+    /// Adds numbers to a group as an attribute: one as a scalar, several as a vector.
     ///
     /// # Errors
     /// [`SnapshotError::Write`].
@@ -174,7 +172,7 @@ impl<'a> SnapshotFile<'a> {
         self.everywhere(|file| attach_numbers(&*file.group(group)?, name, values))
     }
 
-    /// Gives a group a text as an attribute.
+    /// Adds a text to a group as an attribute.
     ///
     /// # Errors
     /// [`SnapshotError::Write`].
@@ -182,7 +180,7 @@ impl<'a> SnapshotFile<'a> {
         self.everywhere(|file| attach_text(&*file.group(group)?, name, text))
     }
 
-    /// Gives a dataset a text as an attribute.
+    /// Adds a text to a dataset as an attribute.
     ///
     /// # Errors
     /// [`SnapshotError::Write`].
@@ -190,7 +188,7 @@ impl<'a> SnapshotFile<'a> {
         self.everywhere(|file| attach_text(&*file.dataset(dataset)?, name, text))
     }
 
-    /// Writes a dataset of this rank's rows, one after the other in `values`, and those of all others.
+    /// Writes a dataset of the rows of all ranks; `values` are those of this rank, one after the other.
     ///
     /// # Errors
     /// [`SnapshotError::Write`], also if HDF5 did not write collectively.
@@ -201,13 +199,13 @@ impl<'a> SnapshotFile<'a> {
         self.dataset(column, &T::type_descriptor(), bytemuck::cast_slice(values))
     }
 
-    /// The same of rows that other ranks may write: `values` are those that this rank has.
+    /// Writes a dataset of rows that other ranks may write; `values` are the rows that this rank has.
     ///
     /// # Errors
-    /// As [`SnapshotFile::rows`].
+    /// See [`SnapshotFile::rows`].
     ///
     /// # Panics
-    /// As [`SnapshotFile::rows`].
+    /// See [`SnapshotFile::rows`].
     pub fn rows_in<T: Element>(
         &mut self,
         order: &Order,
@@ -218,13 +216,12 @@ impl<'a> SnapshotFile<'a> {
         self.rows(column, &moved)
     }
 
-    /// By which the ranks talk that write it.
+    /// Communicator of the ranks that write the file.
     pub(super) fn comm(&mut self) -> &mut dyn Comm {
         self.comm
     }
 
-    /// Writes numbers of the cells of an image, x fastest, as VTK has them: by layers across z, rows along x.
-    /// The values of rank 0 are taken.
+    /// Writes numbers of the cells of an image in VTK's order, x fastest. The values of rank 0 are taken.
     ///
     /// # Errors
     /// [`SnapshotError::Write`], also if there are not as many values as cells.
@@ -247,13 +244,13 @@ impl<'a> SnapshotFile<'a> {
         })
     }
 
-    /// Writes a dataset that all ranks know; the values of rank 0 are taken.
+    /// Writes a dataset that all ranks have; the values of rank 0 are taken.
     ///
     /// # Errors
-    /// As [`SnapshotFile::rows`].
+    /// See [`SnapshotFile::rows`].
     ///
     /// # Panics
-    /// As [`SnapshotFile::rows`].
+    /// See [`SnapshotFile::rows`].
     pub fn table<T: Element>(
         &mut self,
         column: &Column,
@@ -263,10 +260,10 @@ impl<'a> SnapshotFile<'a> {
         self.rows(column, mine)
     }
 
-    /// Writes a dataset of texts that all ranks know, of a fixed length that holds the longest.
+    /// Writes a dataset of texts that all ranks have, with the fixed length of the longest.
     ///
     /// # Errors
-    /// As [`SnapshotFile::rows`].
+    /// See [`SnapshotFile::rows`].
     pub fn texts(&mut self, column: &Column, texts: &[&str]) -> Result<(), SnapshotError> {
         let length = texts.iter().map(|t| t.len()).max().unwrap_or(0).max(1);
         let mut bytes = Vec::new();
@@ -279,13 +276,13 @@ impl<'a> SnapshotFile<'a> {
         self.dataset(column, &TypeDescriptor::FixedUnicode(length), &bytes)
     }
 
-    /// Writes a dataset of a group that all ranks know, of whatever type; the values of rank 0 are taken.
+    /// Writes a dataset of a group that all ranks have, of any type; the values of rank 0 are taken.
     ///
     /// # Errors
-    /// As [`SnapshotFile::rows`].
+    /// See [`SnapshotFile::rows`].
     ///
     /// # Panics
-    /// As [`SnapshotFile::rows`].
+    /// See [`SnapshotFile::rows`].
     pub fn saved(&mut self, group: &str, saved: &SavedColumn) -> Result<(), SnapshotError> {
         let StateColumn { name, unit, width } = &saved.column;
         let column = Column { place: &format!("{group}/{name}"), width: *width, unit };
@@ -299,8 +296,8 @@ impl<'a> SnapshotFile<'a> {
         }
     }
 
-    /// Closes the file, gives back the room it did not need, seals it with the checksum of all its bytes,
-    /// and returns when all is on the disk.
+    /// Closes the file, frees unused room, and seals it with the checksum of all its bytes. Returns when everything is on the
+    /// disk.
     ///
     /// # Errors
     /// [`SnapshotError::Write`].
@@ -370,7 +367,7 @@ impl<'a> SnapshotFile<'a> {
         Ok(())
     }
 
-    /// Does the same on every rank that has the file open; all fail if one fails.
+    /// Calls `act` on every rank that has the file open; all ranks fail if one fails.
     fn everywhere(
         &mut self,
         act: impl FnOnce(&File) -> hdf5_metno::Result<()>,
@@ -384,7 +381,7 @@ impl<'a> SnapshotFile<'a> {
         agree(self.comm, here)
     }
 
-    /// How many rows stand before those of this rank, and how many there are in all.
+    /// Number of rows of the ranks before this one, and of all ranks.
     pub(super) fn share(&mut self, here: usize) -> (usize, usize) {
         let rank = self.comm.rank().index();
         let mut rows = vec![0; self.comm.size() as usize];
@@ -398,7 +395,7 @@ impl<'a> SnapshotFile<'a> {
     }
 }
 
-/// How snapshots are opened for writing.
+/// Access settings of snapshots opened for writing.
 fn as_snapshots_are(
     access: &mut FileAccessBuilder,
     mpi: Option<mpi::ffi::MPI_Comm>,
@@ -414,7 +411,7 @@ fn shape_of(rows: usize, width: usize) -> Vec<usize> {
     if width == 1 { vec![rows] } else { vec![rows, width] }
 }
 
-/// Creates a contiguous dataset that is not filled beforehand.
+/// Creates a contiguous dataset without fill values.
 fn create_dataset(
     file: &File,
     place: &str,
@@ -468,7 +465,7 @@ fn attached_numbers<T: Element, const N: usize>(
     Ok(numbers)
 }
 
-/// Longest text of an attribute that is read [bytes]: a unit, a format's name.
+/// Longest text of an attribute that is read, such as a unit or the name of a format [bytes].
 const LONGEST_NOTE: usize = 1 << 10;
 
 /// The inverse of [`attach_text`].
@@ -486,12 +483,12 @@ fn attached_text(to: &Location, name: &str) -> hdf5_metno::Result<String> {
     Ok(String::from_utf8_lossy(&bytes).trim_end_matches('\0').to_owned())
 }
 
-/// Is a type in a file this one, to the order of its bytes?
+/// True if the type in the file is the expected one, byte order included.
 fn is_of(kind: &Datatype, expected: &TypeDescriptor) -> bool {
     Datatype::from_descriptor(expected).is_ok_and(|expected| *kind == expected)
 }
 
-/// Is a type in a file that of texts as they are written here, of a fixed length?
+/// True if the type in the file is that of the fixed-length texts written here.
 fn is_text(kind: &Datatype) -> bool {
     let size = kind.size();
     [TypeDescriptor::FixedAscii(size), TypeDescriptor::FixedUnicode(size)]
@@ -499,7 +496,8 @@ fn is_text(kind: &Datatype) -> bool {
         .any(|text| is_of(kind, text))
 }
 
-/// Is a type in a file one of those that are written here? Their bytes are all there is to an element: none leads elsewhere.
+/// True if the type in the file is one of those written here. Their elements consist of their bytes alone and refer to no
+/// other place.
 fn is_known(kind: &Datatype) -> bool {
     let numbers = [
         f64::type_descriptor(),
@@ -514,7 +512,7 @@ fn is_known(kind: &Datatype) -> bool {
 }
 
 fn attach_text(to: &Location, name: &str, text: &str) -> hdf5_metno::Result<()> {
-    // Text of length zero has no type.
+    // HDF5 has no text type of length zero.
     let text = if text.is_empty() { "\0" } else { text };
     let kind = if text.is_ascii() {
         TypeDescriptor::FixedAscii(text.len())
@@ -528,14 +526,14 @@ fn attach_text(to: &Location, name: &str, text: &str) -> hdf5_metno::Result<()> 
     check(unsafe { h5a::H5Awrite(attribute.id(), kind.id(), text.as_ptr().cast()) }).map(drop)
 }
 
-/// Which way rows go.
+/// Direction of a transfer, with its memory.
 enum Buffer<'a> {
     Read(&'a mut [u8]),
     Write(&'a [u8]),
 }
 
-/// Moves rows between a dataset and memory, both of the dataset's type. No rows are a valid request,
-/// by which a rank joins a collective transfer.
+/// Moves rows between a dataset and memory, both of the dataset's type. An empty range is valid: by it a rank joins a
+/// collective transfer.
 fn transfer(
     dataset: &Dataset,
     rows: Range<usize>,
@@ -591,11 +589,11 @@ fn transfer(
     Ok(())
 }
 
-/// What is asked of a transfer, and afterwards how it went.
+/// Property list of a transfer; it holds the requested mode and afterwards the actual one.
 struct TransferList(hid_t);
 
 impl TransferList {
-    /// Asks for a collective transfer.
+    /// A list that requests a collective transfer.
     fn collective() -> hdf5_metno::Result<Self> {
         let _lock = LOCK.lock();
         // SAFETY: the class exists once a file is open; the list is closed when dropped.
@@ -607,7 +605,7 @@ impl TransferList {
         }
     }
 
-    /// Was the transfer made with this list collective?
+    /// Error unless the transfer made with this list was collective.
     fn was_collective(&self) -> hdf5_metno::Result<()> {
         let mut mode = 0;
         let _lock = LOCK.lock();
@@ -629,18 +627,18 @@ impl Drop for TransferList {
     }
 }
 
-/// HDF5's answer, or its error.
+/// The return value of an HDF5 call, or the error of HDF5.
 fn check<T: Copy + Into<i64>>(answer: T) -> hdf5_metno::Result<T> {
     if answer.into() < 0 { Err(Error::query().unwrap_or_else(|e| e)) } else { Ok(answer) }
 }
 
-/// A file opened for reading, by this rank alone.
+/// A file opened for reading by this rank alone.
 pub struct StoredFile {
     path: PathBuf,
     file: File,
-    /// Its length [bytes].
+    /// Length of the file [bytes].
     size: u64,
-    /// The places of all datasets.
+    /// Paths of all datasets.
     places: Vec<String>,
 }
 
@@ -648,8 +646,8 @@ impl StoredFile {
     /// Checks all bytes of a file, each rank a share, and opens it on every rank. Collective.
     ///
     /// # Errors
-    /// The same on every rank: [`SnapshotError::Missing`], [`SnapshotError::Unreadable`] if it is cut
-    /// short or was never complete, or [`SnapshotError::Damaged`] if a byte has changed.
+    /// On every rank alike: [`SnapshotError::Missing`], [`SnapshotError::Unreadable`] if it is truncated or was never
+    /// complete, or [`SnapshotError::Damaged`] if a byte has changed.
     pub fn open(path: &Path, comm: &mut dyn Comm) -> Result<Self, SnapshotError> {
         let size = match fs::metadata(path) {
             Ok(metadata) if metadata.is_file() => Ok(metadata.len()),
@@ -666,27 +664,27 @@ impl StoredFile {
         agree(comm, opened.map_err(|e| SnapshotError::unreadable(path, &e)))
     }
 
-    /// Where it is.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// A column of it does not have as many rows as it should.
+    /// Error: a column has another number of rows than it should.
     pub fn uneven(&self, column: &Column) -> SnapshotError {
         SnapshotError::unreadable(&self.path, &format!("{} has another length", column.place))
     }
 
-    /// What stands in a group means nothing.
+    /// Error: the content of a group is invalid.
     pub fn damaged(&self, place: &str) -> SnapshotError {
         SnapshotError::damaged(&self.path, place)
     }
 
-    /// Does it have a dataset there?
+    /// True if the file has a dataset at this path.
     pub fn has(&self, place: &str) -> bool {
         self.places.iter().any(|other| other == place)
     }
 
-    /// The names of the datasets of a group, in alphabetical order.
+    /// Names of the datasets of a group, in alphabetical order.
     ///
     /// # Errors
     /// [`SnapshotError::Unreadable`].
@@ -697,7 +695,7 @@ impl StoredFile {
         Ok(names)
     }
 
-    /// How many elements a row of a dataset has, and their unit.
+    /// Number of elements in a row of a dataset, and their unit.
     ///
     /// # Errors
     /// [`SnapshotError::Unreadable`].
@@ -707,12 +705,12 @@ impl StoredFile {
         Ok((stored.width, unit.map_err(|e| self.wrong(&format!("{place}: {e}")))?))
     }
 
-    /// Has a group an attribute of this name?
+    /// True if the group has an attribute of this name.
     pub fn has_attribute(&self, group: &str, name: &str) -> bool {
         self.file.group(group).is_ok_and(|group| group.attr(name).is_ok())
     }
 
-    /// How many rows a dataset has.
+    /// Number of rows of a dataset.
     ///
     /// # Errors
     /// [`SnapshotError::Unreadable`] if there is no such dataset.
@@ -720,7 +718,7 @@ impl StoredFile {
         Ok(self.stored(place)?.rows)
     }
 
-    /// Reads rows, one after the other. If all rows are asked for, their checksum is checked, too.
+    /// Reads rows, one after the other. If all rows are requested, their checksum is verified.
     ///
     /// # Errors
     /// [`SnapshotError::Unreadable`], [`SnapshotError::Beyond`], [`SnapshotError::Damaged`].
@@ -747,7 +745,7 @@ impl StoredFile {
         Ok(values)
     }
 
-    /// Reads a dataset of texts, and checks its checksum.
+    /// Reads a dataset of texts and verifies its checksum.
     ///
     /// # Errors
     /// [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`].
@@ -768,7 +766,7 @@ impl StoredFile {
             .collect()
     }
 
-    /// Reads all datasets of a group, of whatever types, in alphabetical order.
+    /// Reads all datasets of a group, of any type, in alphabetical order.
     ///
     /// # Errors
     /// [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`].
@@ -810,8 +808,8 @@ impl StoredFile {
         values.map_err(|e| self.wrong(&format!("{group}, {name}: {e}")))
     }
 
-    /// Checks the checksum of every dataset, each rank of `comm` a share of the rows. Every rank has
-    /// opened the file for itself; all get the same answer.
+    /// Verifies the checksum of every dataset, each rank of `comm` on a share of the rows. Every rank must have opened the
+    /// file; all ranks get the same result.
     ///
     /// # Errors
     /// [`SnapshotError::Damaged`] with the first dataset that has changed, or
@@ -834,7 +832,7 @@ impl StoredFile {
         Ok(())
     }
 
-    /// The places of all datasets, with the checksums of the rows that were written there.
+    /// Paths of all datasets, with the stored checksums of their rows.
     ///
     /// # Errors
     /// [`SnapshotError::Unreadable`].
@@ -862,7 +860,7 @@ impl StoredFile {
         if row_bytes == 0 || bytes.is_none() {
             return Err(self.wrong(&format!("{place} claims more rows than the file holds")));
         }
-        // Rows of chunks may be packed, those of other layouts come from other files, whatever these are.
+        // Chunked rows may be compressed, and rows of other layouts may come from any other file.
         let create = dataset.create_plist().map_err(|e| self.wrong(&format!("{place}: {e}")))?;
         let external = create.get_external().map_or(1, |files| files.len());
         if external > 0 || !create.get_layout().is_ok_and(|layout| layout == Layout::Contiguous) {
@@ -871,7 +869,7 @@ impl StoredFile {
         Ok(Stored { dataset, place: place.to_owned(), rows, width, row_bytes, kind })
     }
 
-    /// Reads rows into `bytes`; if they are all, checks them.
+    /// Reads rows into `bytes`; verifies the checksum if they are all rows.
     fn fill(
         &self,
         stored: &Stored,
@@ -913,14 +911,14 @@ impl StoredFile {
     }
 }
 
-/// So deep do groups stand in each other, the file itself left out: `/VTKHDF/PointData`.
+/// Largest depth of nested groups below the root: `/VTKHDF/PointData`.
 const GROUPS_DEEP: usize = 2;
 
-/// Fewest bytes that an object takes in a file: its header and the link to it.
+/// Fewest bytes of an object in a file: its header and the link to it.
 const OBJECT: u64 = 32;
 
-/// Adds the places of all datasets of a group and of the groups in it. A file that links to other files, or in a circle, is
-/// refused: a link that is followed may lead anywhere.
+/// Adds the paths of all datasets of a group and of its subgroups. A file with soft or external links is rejected: a link that
+/// is followed may lead anywhere. The limits on depth and number stop circular hard links.
 fn list_datasets(
     group: &Group,
     place: &str,
@@ -952,7 +950,7 @@ fn list_datasets(
     Ok(())
 }
 
-/// A dataset of a file, as it is.
+/// A dataset of a file, with its stored layout.
 struct Stored {
     dataset: Dataset,
     place: String,
@@ -966,22 +964,22 @@ struct Stored {
 pub struct Piece<'a> {
     /// The file.
     pub file: &'a StoredFile,
-    /// Rows of each column.
+    /// Number of rows of each column.
     pub total: usize,
-    /// Which of them.
+    /// The range of rows.
     pub rows: Range<usize>,
 }
 
 impl Piece<'_> {
-    /// Does the file have a dataset there?
+    /// True if the file has a dataset at this path.
     pub fn has(&self, place: &str) -> bool {
         self.file.has(place)
     }
 
-    /// The elements of the rows in a column.
+    /// Elements of these rows in a column.
     ///
     /// # Errors
-    /// [`SnapshotError::Unreadable`] if the column has another length, or as [`StoredFile::rows`].
+    /// [`SnapshotError::Unreadable`] if the column has another length; see also [`StoredFile::rows`].
     pub fn read<T: Element>(&self, column: &Column) -> Result<Vec<T>, SnapshotError> {
         if self.file.count(column.place)? != self.total {
             return Err(self.file.uneven(column));

@@ -1,4 +1,4 @@
-//! What a snapshot says once: when, where, with what walls and shapes.
+//! Data that a snapshot has once: step, time, domain, walls, drives and shapes.
 
 use crate::cell::Cell;
 use crate::drive::SavedState;
@@ -9,52 +9,52 @@ use crate::walls::Saved;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
-/// What a snapshot says once: when, where, with what walls and shapes.
+/// Data that a snapshot has once: step, time, domain, walls, drives and shapes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
-    /// Steps since the very first stage began.
+    /// Number of steps since the very first stage began.
     pub step: u64,
-    /// Time since then [s].
+    /// Time since the very first stage began [s].
     pub time: f64,
     /// Time step [s].
     pub dt: f64,
-    /// The step at which this stage began, and the time then [s].
+    /// Step and time at which this stage began [-, s].
     pub stage_begin: (u64, f64),
-    /// By how much steps of another length before make this stage longer than its steps are now [s].
+    /// Time offset from earlier parts of the stage that used another time step [s].
     pub stage_shift: f64,
-    /// The id that the next new particle gets.
+    /// Id of the next new particle.
     pub next_id: u64,
-    /// What particles that were taken out have left behind in the balance of energies [J].
+    /// Contribution of removed particles to the energy balance [J].
     pub departed: Departed,
-    /// The largest kinetic and elastic energy together that the stage has had at steps of its schedule [J].
+    /// Largest sum of kinetic and elastic energy at the scheduled steps of the stage [J].
     pub most_moving: f64,
-    /// The scene's `[stop]`, if it holds at this moment and the stage is over; else empty.
+    /// The scene's `[stop]`, if its conditions hold now and the stage is over; otherwise empty.
     pub stop: String,
-    /// The domain, and how it repeats.
+    /// Domain, with its periodicity.
     pub cell: Cell,
     /// Gravity [m/s²].
     pub gravity: Vec3,
     /// The walls, in the order of their ids.
     pub walls: Vec<WallRow>,
-    /// The triangles of all walls that have any, one wall after the other: the corners of each, in the axes of its wall [m].
+    /// Triangles of all walls, one wall after the other: the corners of each, in the axes of its wall [m].
     pub triangles: Vec<[f64; 9]>,
-    /// What drives have saved, by name.
+    /// Saved states of drives, by name.
     pub drives: Vec<SavedState>,
     /// The shapes, in the order of their ids.
     pub shapes: Vec<ShapeRow>,
-    /// The scene as it ran, as TOML.
+    /// Scene as it ran, as TOML.
     pub scene: String,
 }
 
 impl Header {
-    /// The title of the scene, if it has one.
+    /// Title of the scene, if it has one.
     pub fn title(&self) -> Option<String> {
         let scene: toml::Table = self.scene.parse().ok()?;
         let title = scene.get("title")?.as_str()?.trim();
         (!title.is_empty()).then(|| title.to_owned())
     }
 
-    /// The triangles of each wall in place [m].
+    /// Index of the wall and corners in place [m] for every triangle.
     pub fn triangles_in_place(&self) -> Vec<(usize, [Vec3; 3])> {
         let mut rest = self.triangles.iter();
         let mut all = Vec::new();
@@ -67,31 +67,31 @@ impl Header {
         all
     }
 
-    /// The walls of one plane, which may end a packing.
+    /// Walls of one plane, which can bound a packing.
     pub fn planes(&self) -> impl Iterator<Item = &WallRow> {
         self.walls.iter().filter(|wall| wall.is_one_plane())
     }
 }
 
-/// One wall.
+/// State of one wall.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WallRow {
-    /// Its name in the scene.
+    /// Name in the scene.
     pub name: String,
     /// A point of its first plane [m].
     pub point: Vec3,
-    /// Unit normal there, towards the particles.
+    /// Unit normal at that point, towards the particles.
     pub normal: Vec3,
     /// Velocity of its reference point [m/s].
     pub velocity: Vec3,
     /// Force of the particles on it [N].
     pub force: Vec3,
-    /// What else there is to it, if it turns, has turned or has several planes.
+    /// Further state of a wall that turns, has turned or has several planes.
     pub body: Option<Saved>,
 }
 
 impl WallRow {
-    /// Its planes in place, each a point of it [m] and its unit normal, towards the particles.
+    /// Planes of the wall in place: a point [m] and the unit normal of each, towards the particles.
     pub fn planes(&self) -> Vec<(Vec3, Vec3)> {
         match &self.body {
             Some(body) => body.planes().collect(),
@@ -99,27 +99,27 @@ impl WallRow {
         }
     }
 
-    /// How fast a point of it goes in place [m], in m/s.
+    /// Velocity of the wall at a point of space [m] [m/s].
     pub fn velocity_at(&self, place: &Vec3) -> Vec3 {
         let turning = |body: &Saved| body.velocity_at(place, &self.velocity);
         self.body.as_ref().map_or(self.velocity, turning)
     }
 
-    /// Is it one plane, and not triangles?
+    /// True if the wall is one plane, without triangles.
     pub fn is_one_plane(&self) -> bool {
         self.body.as_ref().is_none_or(Saved::is_one_plane)
     }
 }
 
-/// One shape of the scene.
+/// Data of one shape of the scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShapeRow {
-    /// Its name in the scene.
+    /// Name in the scene.
     pub name: String,
-    /// Name of its kind, as in the scene file.
+    /// Name of the kind, as in the scene file.
     pub kind: String,
-    /// Semi-axes of an ellipsoid; of other kinds half the lengths, along the principal axes, of the
-    /// box about the centre of mass [m].
+    /// Semi-axes of an ellipsoid [m]. For other kinds, half the lengths of the box about the centre of mass, along the
+    /// principal axes.
     pub semi_axes: Vec3,
     /// Volume [m³].
     pub volume: f64,
@@ -127,17 +127,17 @@ pub struct ShapeRow {
     pub mass: f64,
     /// Principal moments of inertia [kg m²].
     pub inertia: Vec3,
-    /// The least and the largest scale for which the stage has made room: lengths of a particle over those of its shape [-].
-    /// Such particles need not be there.
+    /// Smallest and largest scale for which the stage has made room: lengths of a particle over those of its shape [-]. Such
+    /// particles need not exist.
     pub scales: [f64; 2],
-    /// How many such particles the stage can have at most; infinite if nothing is known.
+    /// Largest possible number of particles of the shape in the stage; infinite if unknown.
     pub most: f64,
-    /// The body itself. `None` for kind `other`: a program's own type cannot be stored.
+    /// Geometry. `None` for kind `other`: a type defined by a program cannot be stored.
     pub geometry: Option<Shape>,
 }
 
 impl ShapeRow {
-    /// The body; of one that is not known, the ellipsoid in the box around it.
+    /// Geometry of the shape; if it is unknown, the ellipsoid with its semi-axes.
     pub fn body(&self) -> Cow<'_, Shape> {
         match &self.geometry {
             Some(shape) => Cow::Borrowed(shape),

@@ -1,8 +1,9 @@
-//! `entered_NAME.csv` and `left_NAME.csv`: who came through an inlet, or left through an outlet, that keeps a list
-//! ([`crate::drive::Observer::lists`]); a row for each grain, by step, then by id. Rank 0 writes; every digit is the same on any number of ranks.
+//! `entered_NAME.csv` and `left_NAME.csv`: particles that entered through an inlet or left through an outlet with a list
+//! ([`crate::drive::Observer::lists`]). They have one row for each particle, by step, then by id. Rank 0 writes; every digit is
+//! the same on any number of ranks.
 //!
-//! A row is of the moment at the end of a step at which a grain is there for the first time, or is gone. Of one that is gone the velocity
-//! is that at the end of the step if nothing touched it in the last half of it.
+//! A row holds the state at the end of the step at which a particle is present for the first time, or is gone. The velocity of a
+//! particle that is gone is that at the end of the step, if no contact acted in its last half.
 
 use super::growing::{GrowingTable, TableError};
 use crate::particles::records::Particle;
@@ -31,7 +32,7 @@ pub struct List {
 }
 
 impl List {
-    /// Opens `NAME.csv` in `directory`, as [`GrowingTable::open`] does.
+    /// Opens `NAME.csv` in `directory`, see [`GrowingTable::open`].
     ///
     /// # Errors
     /// If the file cannot be read or written.
@@ -44,7 +45,7 @@ impl List {
         Ok(Self { table: GrowingTable::open(directory, &format!("{name}.csv"), columns, keep)? })
     }
 
-    /// Appends grains that have passed at a step and time [s], in the order of their ids.
+    /// Appends the particles that have passed at a step and time [s], in the order of their ids.
     ///
     /// # Errors
     /// If they cannot be written.
@@ -71,7 +72,7 @@ impl List {
         self.table.flush()
     }
 
-    /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
+    /// Waits until all rows are on the disk, before a snapshot that continues from them.
     ///
     /// # Errors
     /// If they cannot be written.

@@ -1,27 +1,27 @@
-//! What is written: snapshots, the table of a run's scalars, and lists of what comes and goes.
+//! Output: snapshots, the table of a run's scalars, and lists of particles that enter and leave.
 //!
-//! | file | what it is |
+//! | file | content |
 //! |---|---|
-//! | [`header`] | what a snapshot says once: when, where, with what walls and shapes |
-//! | [`tables`] | what a snapshot holds of particles and contacts: each column is declared once, with its place in the files |
-//! | [`columns`] | what a column holds: numbers of any kind, in memory and in files |
+//! | [`header`] | data that a snapshot has once: step, time, domain, walls and shapes |
+//! | [`tables`] | particles and contacts of a snapshot: each column is declared once, with its place in the files |
+//! | [`columns`] | values of a column: numbers of any kind, in memory and in files |
 //! | [`order`] | rows by id: from the ranks that have them to the ranks that write them |
 //! | [`snapshot`] | [`snapshot::write`] and [`snapshot::Reader`]: tables to files and back |
-//! | [`series`] | the lists by which ParaView knows the times of snapshots |
-//! | [`growing`] | files of rows that grow as a run goes on, and go on with it |
+//! | [`series`] | lists of snapshots with their times, for ParaView |
+//! | [`growing`] | files that a run extends by rows, and continues after a restart |
 //! | [`table`] | `history.csv`, the scalars of a run by time |
-//! | [`lists`] | `entered_NAME.csv`, `left_NAME.csv`: grains that came through an inlet or left through an outlet |
-//! | [`report`] | `report.json`, all figures of a run at its end, and the same as text |
-//! | [`performance`] | `performance.csv`, what a run did and what it took |
-//! | [`hdf5`] | the only file that calls HDF5: columns and attributes |
-//! | [`seal`] | that a file is whole: checksums, and room on the disk |
+//! | [`lists`] | `entered_NAME.csv`, `left_NAME.csv`: particles that entered through an inlet or left through an outlet |
+//! | [`report`] | `report.json`, all figures of a run at its end, and a summary as text |
+//! | [`performance`] | `performance.csv`, work and cost of a run |
+//! | [`hdf5`] | the only module that calls HDF5: columns and attributes |
+//! | [`seal`] | integrity of a file: checksums, and reserved space on the disk |
 //!
-//! With MPI all ranks write a large snapshot together, each the rows of a range of ids; a small one, or one without MPI,
-//! rank 0 gathers and writes. The files are the same, whatever the number of ranks.
+//! With MPI, all ranks write a large snapshot together, each the rows of a range of ids. A small snapshot, or one
+//! without MPI, is gathered and written by rank 0. The files are the same for any number of ranks.
 //!
-//! A file appears under its own name only when it is complete and on the disk, so a crash leaves
-//! the last good snapshot. It ends with a [`seal::checksum`] of all its bytes, and every dataset carries
-//! one of its own: a file cut short and a flipped bit are found before anything else looks at it.
+//! A file appears under its own name only when it is complete and on the disk, so a crash leaves the last good snapshot.
+//! It ends with a [`seal::checksum`] of all its bytes, and every dataset carries its own checksum. A truncated file or a
+//! flipped bit is detected before anything else is read.
 
 pub mod columns;
 pub mod growing;
@@ -60,7 +60,7 @@ pub enum SnapshotError {
         /// The message of the system or of HDF5.
         cause: String,
     },
-    /// The folder of output cannot be made, or takes no files.
+    /// The output folder cannot be created or written to.
     #[error(
         "no run can write into {path}: {cause}. Give another folder, by --out or by output.directory"
     )]
@@ -86,14 +86,14 @@ pub enum SnapshotError {
          or have the later ones removed with --overwrite"
     )]
     Later {
-        /// The directory.
+        /// Path of the directory.
         path: String,
-        /// Where this run begins.
+        /// Step at which this run begins.
         step: u64,
-        /// The latest step there.
+        /// Latest step in the directory.
         newest: u64,
     },
-    /// A stage should go into the folder of the stage before.
+    /// The output folder is that of the previous stage.
     #[error(
         "{path} is the folder of the stage that `start` goes on from, and a stage keeps the snapshots of the one before. \
          Give it a folder of its own: --out DIR, or output.directory in the scene"
@@ -102,7 +102,7 @@ pub enum SnapshotError {
         /// The directory.
         path: String,
     },
-    /// A file of somebody else has the name of one that a run writes.
+    /// A file that no run wrote has the name of an output file.
     #[error(
         "no run wrote {path}, and this one would replace it: move it away, give this run a folder of its own with --out DIR, \
          or have it replaced with --overwrite"
@@ -116,35 +116,35 @@ pub enum SnapshotError {
         "rank {rank} gave {rows} rows of `{column}` where {expected} belong: a bug of the caller"
     )]
     Uneven {
-        /// The rank whose table it is.
+        /// Rank that passed the table.
         rank: u32,
-        /// The column.
+        /// Name of the column.
         column: String,
-        /// How many rows it has.
+        /// Number of rows of the column.
         rows: usize,
-        /// How many rows the table has.
+        /// Number of rows of the table.
         expected: usize,
     },
-    /// No such file.
+    /// The file does not exist.
     #[error(
         "there is no snapshot at {path} ({cause}). \
          Give a file particles_<step>.vtkhdf, or a directory with such files"
     )]
     Missing {
-        /// Where it was looked for.
+        /// Path that was searched.
         path: String,
         /// The message of the system.
         cause: String,
     },
-    /// Output should go where a file is.
+    /// The output folder is a file.
     #[error(
         "{path} is a file, and a run writes into a folder: give another --out, or output.directory"
     )]
     NoFolder {
-        /// Its name.
+        /// Path of the file.
         path: String,
     },
-    /// Not a snapshot, cut short, or damaged in its structure.
+    /// The file is not a snapshot, is truncated, or has a damaged structure.
     #[error(
         "{path} cannot be read as a snapshot: {cause}. \
          If a run wrote it, the file is cut short or damaged: use an earlier snapshot"
@@ -152,10 +152,10 @@ pub enum SnapshotError {
     Unreadable {
         /// The file.
         path: String,
-        /// What is wrong.
+        /// Cause of the error.
         cause: String,
     },
-    /// The bytes of a dataset are not those that were written.
+    /// The bytes of a dataset differ from those that were written.
     #[error(
         "{path}: the checksum of {dataset} is wrong: its bytes changed after they were written. \
          Use an earlier snapshot, and check the disk"
@@ -166,26 +166,26 @@ pub enum SnapshotError {
         /// The dataset.
         dataset: String,
     },
-    /// A directory whose snapshots are all damaged.
+    /// All snapshots of the directory are damaged.
     #[error("{path} has no snapshot that can be used:\n  {}", .causes.join("\n  "))]
     NoneGood {
         /// The directory.
         path: String,
-        /// What is wrong with each, the newest first.
+        /// Cause for each snapshot, the newest first.
         causes: Vec<String>,
     },
-    /// Rows were asked for that are not there.
+    /// The requested rows do not exist.
     #[error("{path}: rows {first}..{end} of {dataset} were asked for, but it has {rows}")]
     Beyond {
         /// The file.
         path: String,
         /// The dataset.
         dataset: String,
-        /// First row asked for.
+        /// First requested row.
         first: usize,
-        /// One past the last row asked for.
+        /// One past the last requested row.
         end: usize,
-        /// Rows there are.
+        /// Number of rows.
         rows: usize,
     },
 }
@@ -195,7 +195,7 @@ impl SnapshotError {
         Self::Write { path: name_of(path), rank: comm.rank().0, cause: cause.to_string() }
     }
 
-    /// Before anything is written, a folder is at fault.
+    /// Converts a write error into an error of the folder, for failures before anything is written.
     fn of_folder(self) -> Self {
         match self {
             Self::Write { path, cause, .. } => Self::Folder { path, cause },
@@ -212,16 +212,16 @@ impl SnapshotError {
     }
 }
 
-/// A path as errors show it.
+/// Path as text for error messages.
 fn name_of(path: &Path) -> String {
     path.display().to_string()
 }
 
-/// Creates the directory of a run's output, if it is missing, and keeps other runs out of it for as long as rank 0
-/// holds what it gets, or lives. Where the file system has no locks, nobody is kept out. Collective.
+/// Creates the output directory if it is missing, and locks it for this run. The lock holds as long as rank 0 keeps the
+/// returned file or lives. On file systems without locks, other runs are not kept out. Collective.
 ///
 /// # Errors
-/// On all ranks, if rank 0 cannot create it, or another run has it.
+/// On all ranks, if rank 0 cannot create the directory, or another run has it.
 pub fn claim(path: &Path, comm: &mut dyn Comm) -> Result<Option<File>, SnapshotError> {
     let is_file = comm.is_root() && path.is_file();
     agree(
@@ -241,18 +241,18 @@ pub fn claim(path: &Path, comm: &mut dyn Comm) -> Result<Option<File>, SnapshotE
     Ok(lock)
 }
 
-/// The file in a run's directory that rank 0 has locked.
+/// File in a run's directory that rank 0 locks.
 const LOCK: &str = ".lock";
 
-/// Creates the directory of a run's output, if it is missing. Collective.
+/// Creates the output directory if it is missing. Collective.
 ///
 /// # Errors
-/// On all ranks, if rank 0 cannot.
+/// On all ranks, if rank 0 cannot create it.
 pub fn make_directory(path: &Path, comm: &mut dyn Comm) -> Result<(), SnapshotError> {
     on_root(path, comm, || std::fs::create_dir_all(path))
 }
 
-/// Does something to a file on rank 0; all ranks fail if it fails.
+/// Calls `act` on rank 0; all ranks fail if it fails.
 fn on_root(
     path: &Path,
     comm: &mut dyn Comm,

@@ -1,24 +1,24 @@
-//! Rows in the order of their ids: files of any number of ranks have the same rows in the same places.
+//! Rows in the order of their ids: files written by any number of ranks have the same rows in the same places.
 //!
-//! Before rows are written, each goes to the rank that writes it. A rank writes the rows of a range of ids ([`Shares`]), and
-//! all ranks about as many particles; a contact is written where the lower of its ids is. No rank holds more than its share,
-//! and one column of it at a time.
+//! Before rows are written, each moves to the rank that writes it. A rank writes the rows of a range of ids ([`Shares`]),
+//! and all ranks write about the same number of particles. A contact is written by the rank of its lower id. A rank holds no
+//! more than its share, one column at a time.
 
 use crate::comm::{Comm, Parcel, Source, wire};
 use crate::ids::{GlobalId, Rank};
 use std::borrow::Cow;
 
-/// By what rows are ordered: particles by their id, contacts by both of theirs.
+/// Sort key of a row: the id of a particle, or both ids of a contact.
 pub type Key = (GlobalId, GlobalId);
 
-/// Which ids each rank writes.
+/// Ranges of ids that each rank writes.
 pub struct Shares {
-    /// The lowest id of each rank but the first.
+    /// Lowest id of each rank but the first.
     firsts: Vec<u64>,
 }
 
 impl Shares {
-    /// As many particles for each rank, of which this rank has these. Collective.
+    /// Shares with about as many particles for each rank; `ids` are the particles of this rank. Collective.
     pub fn of(ids: &[GlobalId], comm: &mut dyn Comm) -> Self {
         let ranks = u64::from(comm.size());
         let mut firsts = vec![0; ranks as usize - 1];
@@ -29,7 +29,8 @@ impl Shares {
         let highest = sorted.last().copied().unwrap_or(0);
         let mut bits = [f64::from(u64::BITS - highest.leading_zeros())];
         comm.max(&mut bits);
-        // The ids below the first of a rank are those of all ranks before it: found bit by bit, the highest first.
+        // The first id of a rank is found bit by bit, the highest first, so that the ranks before it write its share of
+        // lower ids.
         for bit in (0..bits[0] as u32).rev() {
             let tried: Vec<u64> = firsts.iter().map(|first| first | (1 << bit)).collect();
             let below = |&id: &u64| sorted.partition_point(|&other| other < id) as i64;
@@ -45,31 +46,31 @@ impl Shares {
         Self { firsts }
     }
 
-    /// Who writes the rows of this id.
+    /// Rank that writes the rows of this id.
     fn writer(&self, id: GlobalId) -> Rank {
         Rank(self.firsts.partition_point(|&first| first <= id.0) as u32)
     }
 }
 
-/// Where the rows of a table go, from each rank that has some to each that writes some.
+/// Routes of the rows of a table from the ranks that have them to the ranks that write them.
 pub struct Order {
-    /// To which other rank, and which rows of this one.
+    /// Other ranks that receive rows, and the rows of this rank that they receive.
     outgoing: Vec<(Rank, Vec<u32>)>,
-    /// From which other rank, and how many.
+    /// Other ranks that send rows, and how many.
     sources: Vec<(Rank, usize)>,
-    /// Of each row that this rank writes, its place among those that come; with [`OWN`], among those that this rank has.
+    /// For each row that this rank writes, its index among the incoming rows; with [`OWN`], among the rows of this rank.
     places: Vec<u32>,
-    /// How many rows this rank writes.
+    /// Number of rows that this rank writes.
     rows: usize,
-    /// Are they its own, as they stand?
+    /// True if all ranks write their own rows in their present order.
     stays: bool,
 }
 
-/// The top bit.
+/// Bit that marks an index into the rows of this rank.
 const OWN: u32 = 1 << 31;
 
 impl Order {
-    /// Of a table of which this rank has rows with these keys. Collective.
+    /// Order of a table; `keys` are the keys of the rows of this rank. Collective.
     pub fn of(keys: &[Key], shares: &Shares, comm: &mut dyn Comm) -> Self {
         let here = comm.rank();
         let writer = |row: u32| shares.writer(keys[row as usize].0);
@@ -102,7 +103,7 @@ impl Order {
         }
         let own = (0..count).filter(|&row| writer(row) == here).map(|row| row | OWN);
         order.places = own.chain(0..incoming.len() as u32).collect();
-        // Rows of one key stay as they stand: contacts of two bodies in several places.
+        // A stable sort: rows of one key are contacts of two bodies in several places, and keep their order.
         order.places.sort_by_key(|&place| match place & OWN {
             0 => incoming[place as usize],
             _ => keys[(place & !OWN) as usize],
@@ -111,19 +112,20 @@ impl Order {
         order
     }
 
-    /// How many rows this rank writes.
+    /// Number of rows that this rank writes.
     pub const fn rows(&self) -> usize {
         self.rows
     }
 
-    /// A column of the rows that this rank writes, of the column of those that it has, `width` numbers a row. Collective.
+    /// Column of the rows that this rank writes, from the column of the rows that it has, `width` numbers per row.
+    /// Collective.
     pub fn moved<'a, T: bytemuck::Pod>(
         &self,
         values: &'a [T],
         width: usize,
         comm: &mut dyn Comm,
     ) -> Cow<'a, [T]> {
-        // On all ranks or on none.
+        // True on all ranks or on none.
         if self.stays {
             return Cow::Borrowed(values);
         }
@@ -141,7 +143,7 @@ impl Order {
         let sources: Vec<Source> =
             self.sources.iter().map(|&(rank, rows)| Source { rank, size: size(rows) }).collect();
         let parcels = comm.exchange(outgoing.collect(), &sources);
-        // The first row of each parcel among all that come.
+        // Index of the first row of each parcel among all incoming rows.
         let mut firsts = Vec::new();
         let mut before = 0;
         for (_, rows) in &self.sources {

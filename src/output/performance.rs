@@ -1,5 +1,5 @@
-//! `performance.csv`: what a run did and what it took, a row for each time that it was started and came to an end.
-//! Rank 0 writes, when all else is written.
+//! `performance.csv`: work and cost of a run, one row for each start that came to an end. Rank 0 writes it after
+//! all other output.
 
 use super::growing::{TableError, whole_lines};
 use super::report::Report;
@@ -14,29 +14,28 @@ use std::path::{Path, PathBuf};
 pub struct Performance {
     /// Ranks that shared the work.
     pub ranks: u32,
-    /// Steps done.
+    /// Number of steps done.
     pub steps: u64,
     /// Particles of all ranks, summed over the steps.
     pub particle_steps: u64,
-    /// Wall clock [s].
+    /// Wall-clock time [s].
     pub wall_s: f64,
-    /// Contact resolution, the sum over the ranks [s].
+    /// Time of contact resolution, summed over the ranks [s].
     pub contact_resolution_s: f64,
-    /// Pairs on the neighbour lists, summed over ranks and steps.
+    /// Pairs in the neighbour lists, summed over ranks and steps.
     pub listed_pairs: u64,
-    /// Those of them that were resolved.
+    /// Listed pairs that were resolved.
     pub resolved_pairs: u64,
-    /// Those of them that touch.
+    /// Resolved pairs that touch.
     pub contacts: u64,
 }
 
-/// Where the table of a run is.
 fn path(directory: &Path) -> PathBuf {
     directory.join("performance.csv")
 }
 
 impl Performance {
-    /// What a report says of it.
+    /// Row of a report.
     pub fn of(report: &Report) -> Self {
         let Report { run, contacts, .. } = report;
         Self {
@@ -51,7 +50,7 @@ impl Performance {
         }
     }
 
-    /// Writes the row into `directory`: below those of before where the run continues one, else as the first.
+    /// Writes the row into `directory`: below earlier rows if the run continues a table, otherwise as the first.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -71,10 +70,10 @@ impl Performance {
         written().map_err(|cause| TableError { path: path.clone(), cause: cause.to_string() })
     }
 
-    /// The rows in `directory`, in the order in which they were written; none if there is no table.
+    /// Rows of the table in `directory`, in the order in which they were written; empty if there is no table.
     ///
     /// # Errors
-    /// A table that cannot be read.
+    /// If the table cannot be read.
     pub fn read(directory: &Path) -> Result<Vec<Self>, csv::Error> {
         let path = path(directory);
         if !path.exists() {

@@ -1,4 +1,4 @@
-//! That a file is whole: checksums, what stands behind it, and its room on the disk.
+//! Integrity of a file: checksums, the seal behind its content, and reserved space on the disk.
 
 #![expect(unsafe_code, reason = "to reserve room and to begin to write have no safe wrapper")]
 
@@ -13,26 +13,24 @@ use std::{fs, io};
 /// Rows are read and checked in pieces of about this size [bytes].
 pub(super) const PIECE: usize = 4 << 20;
 
-/// The whole file is summed in rows of this size: short, so that a processor sums several at a time
-/// [bytes].
+/// The whole file is summed in rows of this size [bytes]. They are short, so that a processor sums several at a time.
 const BLOCK: usize = 64;
 
-/// Ends a complete file. Before it stand the length of the HDF5 file and the checksum of its bytes, each
-/// 64 bits, little-endian.
+/// Last bytes of a complete file. They follow the length of the HDF5 file and the checksum of its bytes, each 64 bits,
+/// little-endian.
 const END: &[u8; 16] = b"\ndem-mpi: whole\n";
 
-/// What stands behind the HDF5 file [bytes].
+/// Size of the seal behind the HDF5 file [bytes].
 const SEAL: u64 = 16 + END.len() as u64;
 
-/// Where the format of HDF5 1.8 has the length of the file.
+/// Position of the file length in the format of HDF5 1.8.
 const END_OF_FILE: Range<usize> = 28..36;
 
-/// The checksum of consecutive rows, the first of which is row `first` of the whole dataset.
+/// Checksum of consecutive rows, the first of which is row `first` of the whole dataset.
 ///
-/// A row's hash starts from its index; for each of its 64-bit words (little-endian, the last one filled
-/// with zeros) `h = (h ^ word) * K, h ^= h >> 32`. Every step can be undone, so that a change of one word
-/// always changes the hash. The checksum is the sum of all rows' hashes, modulo 2⁶⁴: ranks and readers
-/// sum theirs in any order.
+/// The hash of a row starts from its index. For each of its 64-bit words (little-endian, the last one filled with
+/// zeros) `h = (h ^ word) * K, h ^= h >> 32`. Every step is invertible, so that a change of one word always changes the
+/// hash. The checksum is the sum of all hashes, modulo 2⁶⁴: ranks and readers can sum rows in any order.
 pub fn checksum(first: u64, row_bytes: usize, rows: &[u8]) -> u64 {
     const K: u64 = 0x9e37_79b9_7f4a_7c15; // 2⁶⁴ over the golden ratio, odd
     let step = |hash: u64, word: u64| {
@@ -57,20 +55,20 @@ pub fn checksum(first: u64, row_bytes: usize, rows: &[u8]) -> u64 {
         .fold(0, |sum, (index, row)| sum.wrapping_add(hash(index, row)))
 }
 
-/// The sum of a number over all ranks, modulo 2⁶⁴.
+/// Sum of a number over all ranks, modulo 2⁶⁴.
 pub(super) fn add_up(comm: &mut dyn Comm, here: u64) -> u64 {
-    // Halves: the sum of whole ones would overflow.
+    // In halves: the sum of whole numbers would overflow.
     let mut halves = [(here & 0xffff_ffff) as i64, (here >> 32) as i64];
     comm.sum(&mut halves);
     (halves[0] as u64).wrapping_add((halves[1] as u64) << 32)
 }
 
-/// Makes room for a file from its beginning. Where the file system cannot reserve blocks, zeros behind
-/// what is there take them.
+/// Reserves space for a file from its beginning. Where the file system cannot reserve blocks, zeros are appended
+/// instead.
 pub(super) fn reserve(mut file: &fs::File, bytes: u64) -> io::Result<()> {
     let length = i64::try_from(bytes).map_err(io::Error::other)?;
     if bytes > largest_file() {
-        // HDF5 could not close a file that it cannot write.
+        // HDF5 could not close a file beyond the limit.
         return Err(io::Error::from_raw_os_error(libc::EFBIG));
     }
     // SAFETY: the descriptor is open.
@@ -81,14 +79,14 @@ pub(super) fn reserve(mut file: &fs::File, bytes: u64) -> io::Result<()> {
         Some(libc::EOPNOTSUPP | libc::ENOSYS) => {
             let there = file.seek(SeekFrom::End(0))?;
             io::copy(&mut io::repeat(0).take(bytes.saturating_sub(there)), &mut file)?;
-            // Some file systems find out only now that there is no room.
+            // Some file systems detect a full disk only now.
             file.sync_all()
         }
         _ => Err(error),
     }
 }
 
-/// The largest file that the user may have, `ulimit -f` [bytes].
+/// Largest allowed file size of the user, `ulimit -f` [bytes].
 fn largest_file() -> u64 {
     let mut limit = libc::rlimit { rlim_cur: libc::RLIM_INFINITY, rlim_max: libc::RLIM_INFINITY };
     // SAFETY: the system fills one limit, which is there.
@@ -96,14 +94,14 @@ fn largest_file() -> u64 {
     limit.rlim_cur
 }
 
-/// Has the disk begin with what was written so far, while the next dataset is made: `close`, which waits for all of it,
-/// then has little to wait for. Where this is not possible, nothing is lost but time.
+/// Starts the transfer to the disk of what was written so far, while the next dataset is made. `close` waits for all of
+/// it and then has less to wait for. Where this is impossible, only time is lost.
 pub(super) fn start_writeback(file: &fs::File) {
     // SAFETY: the descriptor is open.
     unsafe { libc::sync_file_range(file.as_raw_fd(), 0, 0, libc::SYNC_FILE_RANGE_WRITE) };
 }
 
-/// Frees what was reserved beyond the end of a closed HDF5 file. Returns its length [bytes].
+/// Frees the space reserved beyond the end of a closed HDF5 file. Returns the length of the file [bytes].
 pub(super) fn trim(path: &Path) -> io::Result<u64> {
     let mut file = fs::File::options().read(true).write(true).open(path)?;
     let mut start = [0; END_OF_FILE.end];
@@ -118,14 +116,14 @@ pub(super) fn trim(path: &Path) -> io::Result<u64> {
     Ok(length)
 }
 
-/// Writes what ends a complete file, and waits until all of it is on the disk.
+/// Appends the seal of a complete file, and waits until all of it is on the disk.
 pub(super) fn seal(path: &Path, length: u64, sum: u64) -> io::Result<()> {
     let mut file = fs::File::options().append(true).open(path)?;
     file.write_all(&[&length.to_le_bytes()[..], &sum.to_le_bytes(), END].concat())?;
     file.sync_all()
 }
 
-/// Is the file as it was sealed? Each rank looks at a share of it; all get the same answer.
+/// Checks a file against its seal, each rank a share; all get the same result.
 pub(super) fn check_seal(path: &Path, comm: &mut dyn Comm) -> Result<(), SnapshotError> {
     let unreadable = |cause: &str| SnapshotError::unreadable(path, &cause);
     let read = || {
@@ -153,7 +151,7 @@ pub(super) fn check_seal(path: &Path, comm: &mut dyn Comm) -> Result<(), Snapsho
     agree(comm, if same { Ok(()) } else { Err(SnapshotError::damaged(path, "the whole file")) })
 }
 
-/// The checksum of this rank's share of the first `length` bytes of a file.
+/// Checksum of this rank's share of the first `length` bytes of a file.
 pub(super) fn sum_of_file(path: &Path, length: u64, comm: &dyn Comm) -> io::Result<u64> {
     let (rank, ranks) = (u64::from(comm.rank().0), u64::from(comm.size()));
     let blocks = length.div_ceil(BLOCK as u64);

@@ -1,5 +1,5 @@
-//! Lists of a run's files with their times, `particles.vtkhdf.series` and `contacts.vtkhdf.series`: ParaView, which knows files
-//! by their names alone, plays seconds with them (file series of version 1.0).
+//! Lists of a run's files with their times, `particles.vtkhdf.series` and `contacts.vtkhdf.series`. With them ParaView, which
+//! otherwise orders files by name, plays them in seconds (file series of version 1.0).
 
 use crate::files;
 use serde::{Deserialize, Serialize};
@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write as _};
 use std::path::Path;
 
-/// What ParaView asks for.
+/// Version of the format that ParaView expects.
 const VERSION: &str = "1.0";
 
 #[derive(Serialize, Deserialize)]
@@ -23,7 +23,7 @@ struct Entry {
     time: f64,
 }
 
-/// The times [s] of the files of a list, by name; none, if the list cannot be read.
+/// Times of the files of a list [s], by name; empty if the list cannot be read.
 pub fn times(list: &Path) -> BTreeMap<String, f64> {
     let text = files::read_to_string(list).unwrap_or_default();
     let files =
@@ -31,10 +31,10 @@ pub fn times(list: &Path) -> BTreeMap<String, f64> {
     files.into_iter().map(|Entry { name, time }| (name, time)).collect()
 }
 
-/// Writes a list `name` of files with their times [s] beside them. A crash leaves the list as it was, or none.
+/// Writes a list `name` of files with their times [s]. A crash leaves the old list, or none.
 ///
 /// # Errors
-/// What the system says.
+/// If the list cannot be written.
 pub fn write(directory: &Path, name: &str, files: Vec<(String, f64)>) -> io::Result<()> {
     let files = files.into_iter().map(|(name, time)| Entry { name, time }).collect();
     let text = serde_json::to_string_pretty(&Series { version: VERSION.to_owned(), files })?;

@@ -1,7 +1,7 @@
-//! Snapshots: tables to files and back. What stands where: [`super::tables`].
+//! Snapshots: tables to files and back. The layout of the files: [`super::tables`].
 //!
-//! Two columns are there for pictures alone: `semi_axes` of each particle, with which and `quaternion`
-//! ParaView's 3D Glyphs draw it, and `force` of each contact, the magnitude of the whole force [N].
+//! Two columns serve pictures alone. `semi_axes` of each particle and its `quaternion` are drawn by ParaView's 3D Glyphs;
+//! `force` of each contact is the magnitude of the total force [N].
 
 mod folder;
 mod header;
@@ -32,7 +32,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// The link in a snapshot directory to the newest particles file.
+/// Link in a snapshot directory to the newest particles file.
 pub const LAST: &str = "last.vtkhdf";
 
 /// Name of the particles file of a step.
@@ -49,15 +49,15 @@ const fn column<'a>(place: &'a str, width: usize, unit: &'a str) -> Column<'a> {
     Column { place, width, unit }
 }
 
-// What VTK asks for, with one entry per part, of which there is one.
+// Counts that VTK requires, with one entry per part; there is one part.
 const POINT_COUNTS: Column = column("/VTKHDF/NumberOfPoints", 1, "");
 
 const POINTS: Column = column("/VTKHDF/Points", 3, "m");
 
-/// The axes with which pictures draw a particle.
+/// Axes of the particles for pictures.
 const GLYPH_SEMI_AXES: Column = column("/VTKHDF/PointData/semi_axes", 3, "m");
 
-// What a restart needs of contacts.
+// Contact columns for a restart.
 const RECORD_A: Column = column("/restart/contacts/a", 1, "1");
 
 const RECORD_B: Column = column("/restart/contacts/b", 1, "1");
@@ -66,74 +66,72 @@ const RECORD_NORMAL: Column = column("/restart/contacts/normal", 3, "1");
 
 const RECORD_OVERLAP: Column = column("/restart/contacts/overlap", 1, "m");
 
-/// Where what the law remembers stands beside them, a dataset for each column.
+/// Group of the columns of the contact law's state, a dataset for each column.
 const RECORDS: &str = "/restart/contacts";
 
-/// The magnitude of the whole force, for pictures.
+/// Magnitude of the total force, for pictures.
 const FORCE_MAGNITUDE: Column = column("/VTKHDF/CellData/force", 1, "N");
 
-/// No element of a column takes more [bytes].
+/// Largest size of an element of a column [bytes].
 const ELEMENT: usize = size_of::<f64>();
 
-/// Bytes of a contact in both files, its record included, of which a law remembers these columns.
+/// Bytes of a contact in both files, with its record; `remembered` are the columns of the contact law's state.
 pub fn contact_bytes(remembered: &[StateColumn]) -> usize {
     ELEMENT * (elements_of_contact() + of_record(remembered))
 }
 
-/// Elements at most of a particle: all columns, the axes, one vertex and its end.
+/// Largest number of elements of a particle: all columns, the axes, one vertex and its end.
 fn elements_of_particle() -> usize {
     tables::particle_elements() + GLYPH_SEMI_AXES.width + 2
 }
 
-/// Bytes of a particle in a snapshot of a scene with these needs, what is remembered of its contacts left out.
+/// Bytes of a particle in a snapshot of a scene with these needs, without the state of its contacts.
 pub fn particle_bytes(needs: &Needs) -> usize {
     tables::particle_bytes(needs) + ELEMENT * (GLYPH_SEMI_AXES.width + 2)
 }
 
-/// Elements of a record.
+/// Number of elements of a record.
 fn of_record(remembered: &[StateColumn]) -> usize {
     let geometry = RECORD_A.width + RECORD_B.width + RECORD_NORMAL.width + RECORD_OVERLAP.width;
     geometry + StateColumn::total_width(remembered)
 }
 
-/// Elements of a contact: all columns, the force, two points, one line of two ids and its end.
+/// Number of elements of a contact: all columns, the force, two points, one line of two ids and its end.
 fn elements_of_contact() -> usize {
     tables::contact_elements() + FORCE_MAGNITUDE.width + 2 * POINTS.width + 3
 }
 
-/// Elements of a part: its counts, and the first offset of each category.
+/// Number of elements of a part: its counts, and the first offset of each category.
 const OF_PART: usize = 13;
 
-/// How the ranks of a run write a snapshot.
+/// Method by which the ranks of a run write a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
-    /// All together, each its share of the rows: nothing grows with the whole on any rank.
+    /// All ranks write together, each its share of the rows. Memory per rank does not grow with the whole snapshot.
     Together,
-    /// Rank 0 gathers all rows and writes alone: of little data it is faster, because ranks that write together wait for each
-    /// other some hundred times.
+    /// Rank 0 gathers all rows and writes alone. This is faster for small snapshots, because ranks that write together wait
+    /// for each other some hundred times.
     ThroughRoot,
 }
 
 impl Way {
-    /// A snapshot of fewer bytes in all goes through rank 0.
+    /// Total size below which a snapshot is written through rank 0 [bytes].
     pub const SMALL: u64 = 16 << 20;
 
-    /// The faster one for so many bytes in all.
+    /// The faster method for this total size.
     pub const fn for_bytes(bytes: u64) -> Self {
         if bytes < Self::SMALL { Self::ThroughRoot } else { Self::Together }
     }
 }
 
-/// Writes a snapshot: the contacts file, the particles file and, when both are on the disk under their
-/// own names, the link [`LAST`]. Creates `directory` if it is missing. Collective; the header of rank 0
-/// is taken. Returns the path of the particles file.
+/// Writes a snapshot: the contacts file, the particles file and, when both are on the disk under their own names, the link
+/// [`LAST`]. Creates `directory` if it is missing. The header of rank 0 is taken. Returns the path of the particles file.
+/// Collective.
 ///
-/// A crash at any moment leaves the last good snapshot; files named `.*.partial` are what it leaves
-/// besides, and harmless.
+/// A crash at any moment leaves the last good snapshot. It may also leave files named `.*.partial`, which are harmless.
 ///
 /// # Errors
-/// The same on every rank: [`SnapshotError::Write`], or [`SnapshotError::Uneven`] for a table whose
-/// columns differ in length.
+/// On every rank alike: [`SnapshotError::Write`], or [`SnapshotError::Uneven`] for a table whose columns differ in length.
 pub fn write(
     directory: &Path,
     header: &Header,
@@ -145,10 +143,10 @@ pub fn write(
     write_rows(directory, header, particles, contacts, records, comm)
 }
 
-/// As [`write`], of contacts and records that need not all be there at once.
+/// Writes a snapshot like [`write`]; contacts and records need not all be in memory at once.
 ///
 /// # Errors
-/// As [`write`].
+/// See [`write`].
 pub fn write_rows(
     directory: &Path,
     header: &Header,
@@ -166,10 +164,10 @@ pub fn write_rows(
     write_in(way, directory, header, particles, contacts, records, comm)
 }
 
-/// As [`write_rows`], in this way, however large the snapshot is. The files are the same.
+/// Writes a snapshot like [`write_rows`], by the given method for any size. The files are the same.
 ///
 /// # Errors
-/// As [`write`].
+/// See [`write`].
 pub fn write_in(
     way: Way,
     directory: &Path,
@@ -199,7 +197,7 @@ pub fn write_in(
     Ok(directory.join(particles_name(header.step)))
 }
 
-/// The rows of all ranks, on rank 0; `None` elsewhere. Collective.
+/// Rows of all ranks on rank 0; `None` elsewhere. Collective.
 fn gather(
     particles: &ParticleTable,
     contacts: &dyn Rows<ContactRow>,
@@ -223,7 +221,7 @@ fn gather(
     Some(all)
 }
 
-/// Writes both files and lets them appear under their names. Collective.
+/// Writes both files under temporary names and then renames them. Collective.
 fn write_files(
     directory: &Path,
     header: &Header,
@@ -239,7 +237,7 @@ fn write_files(
     let written = write_contacts(&partial[0], header, contacts, shares, comm)
         .and_then(|()| write_particles(&partial[1], header, particles, records, shares, comm));
     if written.is_err() && comm.is_root() {
-        // Room for others; if it cannot be made, the first error is still the one to report.
+        // Frees disk space; if removal fails, the first error is still the one to report.
         let _ = partial.each_ref().map(fs::remove_file);
     }
     written?;
@@ -248,21 +246,21 @@ fn write_files(
             let renamed = fs::rename(path, directory.join(name));
             renamed.map_err(|e| io::Error::other(format!("{name}: {e}")))?;
         }
-        // The names are on the disk before the link speaks of them.
+        // The names must be on the disk before the link refers to them.
         File::open(directory)?.sync_all()?;
         link_last(directory, &names[1])?;
         list_with_times(directory, header)
     })
 }
 
-/// The header of rank 0.
+/// Header of rank 0 on all ranks. Collective.
 fn of_root(header: &Header, comm: &mut dyn Comm) -> Header {
     let mut bytes = wire::encode(header);
     comm.broadcast(&mut bytes);
     wire::decode(&bytes)
 }
 
-/// Are all columns of the tables of the length of their first?
+/// Checks that all columns of a table have the length of its first.
 fn check_lengths(
     header: &Header,
     particles: &ParticleTable,
@@ -287,7 +285,7 @@ fn check_lengths(
     }
 }
 
-/// Is every particle's shape one of the header's?
+/// Checks that the shape of every particle is in the header.
 fn check_shapes(
     directory: &Path,
     header: &Header,
@@ -315,7 +313,7 @@ fn write_particles(
     let keys: Vec<Key> = particles.id.iter().map(|&id| (id, id)).collect();
     let order = Order::of(&keys, shares, comm);
     drop(keys);
-    // A rank without particles cannot tell by itself which columns the scene needs.
+    // A rank without particles cannot know from its own rows which columns the scene needs.
     let mut rows = PARTICLE_COLUMNS
         .iter()
         .map(|column| column.of(particles).rows() as i64)
@@ -354,7 +352,7 @@ fn write_particles(
     file.close()
 }
 
-/// Half lengths of each particle along its axes, with which pictures draw it [m].
+/// Half lengths of each particle along its axes, for pictures [m].
 pub fn semi_axes(header: &Header, particles: &ParticleTable) -> Vec<Vec3> {
     let of_row = |(row, shape): (usize, &ShapeId)| {
         header.shapes[shape.index()].semi_axes * particles.scale_of(row)
@@ -388,7 +386,7 @@ fn write_records(
     Ok(())
 }
 
-/// One column, for as long as it is written.
+/// Copies one column, in memory only while it is written.
 fn column_of<Row, T>(rows: &dyn Rows<Row>, get: impl Fn(&Row) -> T) -> Vec<T> {
     let mut column = Vec::with_capacity(rows.count());
     rows.each(&mut |row| column.push(get(row)));
@@ -429,7 +427,7 @@ fn write_contacts(
     file.close()
 }
 
-/// Creates a file with room for so many elements of this rank, and for the scene, the shapes, the walls and the drives.
+/// Creates a file with space for this number of elements of this rank, and for the scene, shapes, walls and drives.
 fn create<'a>(
     path: &Path,
     elements: usize,
@@ -447,12 +445,12 @@ fn create<'a>(
     SnapshotFile::create(path, (elements * ELEMENT + texts) as u64, comm)
 }
 
-/// The room that texts take in a table: that of the longest for each.
+/// Space of texts in a table: each takes that of the longest [bytes].
 fn as_long_as_the_longest(texts: &[String]) -> usize {
     texts.len() * texts.iter().map(String::len).max().unwrap_or(0)
 }
 
-/// Writes how many points all cells have, of which this rank writes `count` of `points` points each.
+/// Writes the number of points of all cells; this rank writes `count` cells of `points` points each.
 fn points_of_cells(
     file: &mut SnapshotFile,
     count: usize,
@@ -462,8 +460,8 @@ fn points_of_cells(
     file.table(&POINT_COUNTS, &[(total * points) as i64])
 }
 
-/// Writes one of the four categories of cells that `PolyData` has: `count` cells of this rank after those of the ranks
-/// before, each of the next `points` points. Without any cell there is still one offset.
+/// Writes one of the four categories of cells of `PolyData`: `count` cells of this rank after those of the earlier ranks,
+/// each of the next `points` points. Without any cell there is still one offset.
 fn cells(
     file: &mut SnapshotFile,
     category: &str,

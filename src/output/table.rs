@@ -1,21 +1,22 @@
-//! `history.csv`: the scalars of a run by time. Rank 0 writes; every digit is the same on any number
-//! of ranks.
+//! `history.csv`: the scalars of a run by time. Rank 0 writes; every digit is the same on any number of ranks.
 //!
-//! A row is of its moment, with one exception: of walls with a servo, `force_*` is the mean over the steps since the row
-//! before (`history_every`; in the first row of a stage of its moment), and `stress_*` the part of it along the normal over
-//! the area of the row's moment. A servo corrects itself within a few steps: what it leaves at even intervals can be
-//! anything. A restart does not change a digit.
+//! Values of a row are those of its step, with one exception: walls with a servo. Their `force_*` is the mean over the steps
+//! since the previous row (`history_every`); in the first row of a stage it is the value of the step. Their `stress_*` is the
+//! normal part of this mean over the present area. A servo corrects itself within a few steps, so that values sampled at even
+//! intervals could be arbitrary. A restart does not change a digit.
 //!
-//! Of each wall there is the force of the particles on it. Of walls that turn, or have `torque_about`, there is the torque about that
-//! point, by default the reference point; of walls that move the power, which is what they do on the particles, with the forces of
-//! the moment and the velocities of the step before it; their velocity; the reference point, if the place does not say it; and
-//! of those that turn the angular velocity and the rotation since the start, as axis times angle (at most π).
+//! Every wall has the force of the particles on it. Further columns depend on the wall:
 //!
-//! What drives count ([`crate::drive::Reporter::counted`]) stands in the last columns: what came through inlets, what left through
-//! outlets, the work of walls and what was lost at them ([`crate::drive::ledger`]).
+//! - Walls that turn, or have `torque_about`: torque about that point, by default the reference point.
+//! - Walls that move: power, the work per time that they do on the particles, from the present forces and the velocities of the
+//!   previous step; velocity; and the reference point, unless the place gives it.
+//! - Walls that turn: angular velocity, and rotation since the start as axis times angle (at most π).
 //!
-//! Of a sheared cell there are the strain, of a cell that a flow carries the strains, and the stresses and the solid fraction of
-//! [`crate::measure::Bulk`] besides.
+//! The last columns are the counts of drives ([`crate::drive::Reporter::counted`]): particles that entered through inlets or left
+//! through outlets, work of walls and losses at walls ([`crate::drive::ledger`]).
+//!
+//! A sheared cell has the column of its strain, and a cell carried by a flow those of its strains. Both have the stresses and the
+//! solid fraction of [`crate::measure::Bulk`].
 
 use super::growing::{GrowingTable, TableError};
 use crate::cell::AXES;
@@ -37,11 +38,11 @@ pub struct History {
 #[derive(Debug)]
 pub struct Columns {
     cell: Cell,
-    /// Of each wall.
+    /// Optional columns of each wall.
     of_walls: Vec<OfWall>,
 }
 
-/// What is written of a wall besides its force, place and stress.
+/// Quantities that are written for a wall besides force, place and stress.
 #[derive(Clone, Copy, Debug)]
 struct OfWall {
     torque: bool,
@@ -56,8 +57,8 @@ impl OfWall {
         Self { torque: wall.torque.is_some() || turn, point, turn }
     }
 
-    /// Name and number of each column, with a force on the wall [N], a torque about its reference point [N m] and the power of a
-    /// belt [W].
+    /// Name and value of each column, from the force on the wall [N], the torque about its reference point [N m] and the power of
+    /// a belt [W].
     fn columns(self, wall: &Wall, force: &Vec3, torque: &Vec3, of_belt: f64) -> Vec<(String, f64)> {
         let name = &wall.name;
         let three = |is_there: bool, what: &str, vector: Vec3, unit: &str| {
@@ -77,26 +78,26 @@ impl OfWall {
     }
 }
 
-/// What a row is of.
+/// Data of a row.
 pub struct Row<'a> {
-    /// Steps since the very first stage began.
+    /// Number of steps since the very first stage began.
     pub step: u64,
-    /// Time since then [s].
+    /// Time since the very first stage began [s].
     pub time: f64,
-    /// Of the whole system.
+    /// Measures of the whole system.
     pub measures: &'a Measures,
     /// Forces on the walls [N].
     pub forces: &'a [Vec3],
-    /// The walls of [`History::open`], where they stand now.
+    /// The walls of [`History::open`] in their present positions.
     pub walls: &'a [Wall],
-    /// Numbers of drives.
+    /// Counts of drives.
     pub own: &'a [f64],
 }
 
-/// The name of a column, and its number in a row.
+/// Name of a column, and its value in a row.
 type Column = (&'static str, fn(&Row) -> String);
 
-/// The columns of every table, before those of walls and drives.
+/// Columns of every table, before those of walls and drives.
 const COLUMNS: [Column; 26] = [
     ("step", |row| row.step.to_string()),
     ("time_s", |row| row.time.to_string()),
@@ -132,37 +133,37 @@ impl Row<'_> {
     }
 }
 
-/// Enough digits to distinguish a number from all others.
+/// Digits enough to distinguish a number from all others.
 fn digits(number: f64) -> String {
     format!("{number:e}")
 }
 
-/// Does every table have a column of this name?
+/// True if every table has a column of this name.
 pub fn has_column(name: &str) -> bool {
     COLUMNS.iter().any(|(column, _)| *column == name)
 }
 
-/// The walls of which place and stress are written: where any wall moves, all that stand across an axis.
+/// Walls whose place and stress are written: all walls across an axis if any wall moves.
 fn written(walls: &[Wall]) -> impl Iterator<Item = (usize, &Wall, Across)> {
     let any_moves = walls.iter().any(|wall| wall.moves);
     let walls = walls.iter().enumerate().filter(move |_| any_moves);
     walls.filter_map(|(k, wall)| wall.across().map(|across| (k, wall, across)))
 }
 
-/// The walls whose stress is written, each with the area over which it is taken [m²]: see [`area`]. Walls that are no planes across an
-/// axis do not narrow it.
+/// Walls whose stress is written, with the area that carries it [m²], see [`area`]. Walls that are not planes across an axis do
+/// not reduce this area.
 pub fn stressed<'a>(walls: &'a [Wall], cell: &'a Cell) -> impl Iterator<Item = (&'a Wall, f64)> {
     written(walls)
         .filter_map(|(_, wall, Across { axis, .. })| Some((wall, area(walls, cell, axis)?)))
 }
 
 impl Columns {
-    /// With these walls and this cell.
+    /// Columns for these walls and this cell.
     pub fn of(walls: &[Wall], cell: Cell) -> Self {
         Self { cell, of_walls: walls.iter().map(OfWall::of).collect() }
     }
 
-    /// Their names, with those of drives after all others.
+    /// Names of the columns; those of drives come last.
     pub fn names(&self, walls: &[Wall], own: &[String]) -> Vec<String> {
         let Self { cell, of_walls } = self;
         let mut columns = COLUMNS.map(|(name, _)| name.to_owned()).to_vec();
@@ -192,7 +193,7 @@ impl Columns {
         columns
     }
 
-    /// Their numbers in a row, as they are written.
+    /// Values of the columns in a row, as text.
     pub fn numbers(&self, row: &Row) -> Vec<String> {
         let &Row { measures, forces, walls, own, .. } = row;
         let moved = written(walls).flat_map(|(k, wall, Across { axis, place, .. })| {
@@ -220,7 +221,7 @@ impl Columns {
 }
 
 impl History {
-    /// Opens `history.csv` in `directory`, with columns of its `own` after all others, as [`GrowingTable::open`] does.
+    /// Opens `history.csv` in `directory` as [`GrowingTable::open`] does, with the `own` columns after all others.
     ///
     /// # Errors
     /// If the file cannot be read or written.
@@ -237,7 +238,7 @@ impl History {
         Ok(Self { table, columns })
     }
 
-    /// Waits until all rows are on the disk, where a snapshot will be that goes on from them.
+    /// Waits until all rows are on the disk, before a snapshot that continues from them.
     ///
     /// # Errors
     /// If they cannot be written.
@@ -263,7 +264,7 @@ mod tests {
     use crate::measure::Measures;
     use crate::walls::Wall;
 
-    /// A name may hold what separates columns.
+    /// A name may contain the separator of columns.
     #[test]
     fn any_name_of_a_wall_stays_in_its_column() {
         let (point, normal) = (Vec3::zeros(), Vec3::z());
@@ -277,7 +278,7 @@ mod tests {
         assert_eq!(&header[COLUMNS.len()], "force_left, \"upper\"_x_N");
     }
 
-    /// Walls that come, go or change places keep to their names.
+    /// Rows keep their columns when walls are added, removed or reordered.
     #[test]
     fn rows_stay_under_their_names() {
         let folder = tempfile::tempdir().unwrap();
@@ -301,7 +302,7 @@ mod tests {
         };
         write(&["a", "b, c"], 1);
         write(&["d", "a"], 2);
-        // A row of a run that was stopped, and half of another.
+        // A row of a run that was stopped, and half of another row.
         let path = folder.path().join("history.csv");
         let text = std::fs::read_to_string(&path).unwrap();
         std::fs::write(&path, format!("{text}3,0\n4,0,")).unwrap();

@@ -1,29 +1,33 @@
-//! What a snapshot holds, as plain tables: the meeting point of the run that writes, the restart
-//! that reads and the post-processor that computes.
+//! Content of a snapshot as plain tables, shared by the run that writes, the restart that reads and the post-processor.
 //!
 //! A column is a field of [`ParticleTable`] or [`ContactTable`] and is declared once, in [`PARTICLE_COLUMNS`] or
-//! [`CONTACT_COLUMNS`]; what accumulates over the life of a particle is declared as a [`Quantity`] alone. Writing, reading,
-//! comparing and the bytes of `--plan` follow.
+//! [`CONTACT_COLUMNS`]. A quantity that accumulates over the life of a particle is declared as a [`Quantity`] alone. Writing,
+//! reading, comparing and the bytes of `--plan` follow from these declarations.
 //!
 //! # Files
 //!
-//! A snapshot is two HDF5 files, each valid VTKHDF `PolyData` of one part:
-//! `particles_<step>.vtkhdf` (vertices) and `contacts_<step>.vtkhdf` (lines). Particles stand in the order of their ids,
-//! contacts in that of the ids of A, then of B, whatever the number of ranks; only the column `rank` tells it. Both carry the groups
-//! `/run`, `/domain`, `/walls`, `/shapes` and, for each drive that saves its state, one of the drive's name, such as `/rain`
-//! ([`super::header::Header`]); the first also carries `/restart`, all that a restart needs and a picture does not. A column that the scene
-//! does not need is not there. The geometry of a shape is a JSON text, `/shapes/geometry`. So is, of walls that turn or have several
-//! planes, `/walls/body`: reference point, orientation (i, j, k, w), angular velocity, planes in the axes of the wall.
-//! `/shapes/scales` are the least and the largest scale of each shape for which the stage has made room: a stage that goes on has the
-//! step and the skin of these, also where such particles have left. `/shapes/most` is how many of each shape it can have at most, infinite if
-//! it does not know: its stable limit goes by that.
+//! A snapshot is two HDF5 files, each valid VTKHDF `PolyData` of one part: `particles_<step>.vtkhdf` (vertices) and
+//! `contacts_<step>.vtkhdf` (lines). Particles are ordered by id, contacts by the id of A, then of B. The order does not depend
+//! on the number of ranks; only the column `rank` does. A column that the scene does not need is absent.
+//!
+//! Both files carry the groups `/run`, `/domain`, `/walls`, `/shapes` ([`super::header::Header`]). Each drive that saves its
+//! state has a group with its name, such as `/rain`. The particles file also carries `/restart` with the data that only a restart
+//! needs.
+//!
+//! - `/shapes/geometry`: geometry of each shape, a JSON text.
+//! - `/walls/body`: a JSON text for walls that turn or have several planes, with reference point, orientation (i, j, k, w),
+//!   angular velocity, and planes in the axes of the wall.
+//! - `/shapes/scales`: smallest and largest scale of each shape for which the stage has made room. A continued stage takes time
+//!   step and skin from them, even if such particles have left.
+//! - `/shapes/most`: largest possible number of particles of each shape, infinite if unknown. The stable time step follows from
+//!   it.
 //!
 //! | place | rows | content |
 //! |---|---|---|
 //! | particles `/VTKHDF/Points` | particles × 3 | centres [m] |
 //! | particles `/VTKHDF/PointData/<name>` | particles | the other columns of [`ParticleTable`] that a picture shows; the attribute `order` of `quaternion` is `w, x, y, z` |
 //! | particles `/restart/particles/<name>` | particles | `standing` in the order of space ([`crate::particles::order`]), `angular_momentum`, `velocity_ahead`, `angular_velocity_ahead`, `image`, and each [`Quantity`] under its name |
-//! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `overlap`, and what the law remembers under its names |
+//! | particles `/restart/contacts/<name>` | touching pairs | `a`, `b`, `normal`, `overlap`, and the state of the contact law under its names |
 //! | contacts `/VTKHDF/Points` | 2 per contact × 3 | centre of A; centre of B's nearest image, or the foot on the wall [m] |
 //! | contacts `/VTKHDF/CellData/<name>` | contacts | the columns of [`ContactTable`] |
 
@@ -41,31 +45,32 @@ use std::sync::LazyLock;
 
 // --- particles ---
 
-/// Particles of a snapshot, or a piece of them, or those of a rank: columns of one length. An optional column that the
-/// scene does not need is empty.
+/// Particles of a snapshot, of a piece of it or of a rank: columns of one length. An optional column that the scene does not need
+/// is empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ParticleTable {
-    /// Name for life.
+    /// Permanent id.
     pub id: Vec<GlobalId>,
     /// Shape, an index into [`super::header::Header::shapes`].
     pub shape: Vec<ShapeId>,
     /// Lengths over those of the shape [-]. Optional: absent if all particles are as large as their shapes.
     pub scale: Vec<f64>,
-    /// Number of the group, from 1 in the order of the scene; 0 of those in none. Optional: absent if the scene has no groups.
+    /// Number of the group, from 1 in the order of the scene; 0 for particles in none. Optional: absent if the scene has no
+    /// groups.
     pub group: Vec<u16>,
     /// Centre [m].
     pub position: Vec<Vec3>,
     /// Velocity at the time of `position` [m/s].
     pub velocity: Vec<Vec3>,
-    /// Sum of the contact forces at `position` and of those by which a group is pushed; gravity and damping are not in it [N].
+    /// Sum of the contact forces at `position` and of the forces applied to groups, without gravity and damping [N].
     pub force: Vec<Vec3>,
-    /// Contacts with particles and walls, a count.
+    /// Number of contacts with particles and walls.
     pub coordination: Vec<i32>,
     /// Rank that owned the particle.
     pub rank: Vec<i32>,
-    /// What has accumulated over the life of each. Optional where a [`Quantity`] is.
+    /// Quantities accumulated over the life of each particle. Optional where a [`Quantity`] is.
     pub accumulated: Accumulated<Vec<f64>>,
-    /// Where it stands in the order of space. Optional: tables that no run made need not have it.
+    /// Place in the order of space. Optional: tables that no run made need not have it.
     pub standing: Vec<Standing>,
     /// Whole periods added to `position` to follow the particle through a periodic domain. Optional.
     pub image: Vec<[i32; 3]>,
@@ -77,9 +82,9 @@ pub struct ParticleTable {
     pub angular_velocity: Vec<Vec3>,
     /// Moment at `position`, world axes [N m]. Optional, with `angular_momentum`.
     pub torque: Vec<Vec3>,
-    /// Foreseen gain of the velocity ([`crate::motion::ahead`]) [m/s]. Optional.
+    /// Predicted change of the velocity ([`crate::motion::ahead`]) [m/s]. Optional.
     pub velocity_ahead: Vec<Vec3>,
-    /// Foreseen gain of the angular velocity, world axes [rad/s]. Optional.
+    /// Predicted change of the angular velocity, world axes [rad/s]. Optional.
     pub angular_velocity_ahead: Vec<Vec3>,
 }
 
@@ -89,12 +94,12 @@ impl ParticleTable {
         self.scale.get(row).copied().unwrap_or(1.0)
     }
 
-    /// Volume of a particle over that of its shape, as its mass [-].
+    /// Volume, and so mass, of a particle over that of its shape [-].
     pub fn volume_ratio(&self, row: usize) -> f64 {
         self.scale_of(row).powi(3)
     }
 
-    /// All columns, for another rank.
+    /// All columns in bytes, to be sent to another rank.
     pub(super) fn bytes(&self) -> Vec<Vec<u8>> {
         PARTICLE_COLUMNS.iter().map(|column| column.of(self).bytes()).collect()
     }
@@ -109,36 +114,36 @@ impl ParticleTable {
 
 /// A column of the particles file.
 pub struct ParticleColumn {
-    /// What messages call it.
+    /// Name in messages.
     pub name: &'static str,
-    /// Where in the file, from `/`. Columns of one group stand one after the other.
+    /// Path in the file, from `/`. Columns of one group are consecutive.
     pub place: Cow<'static, str>,
-    /// Unit of its numbers; `1` for a pure number.
+    /// Unit of the numbers; `1` for a pure number.
     pub unit: &'static str,
-    /// Is it there? A column that is always there counts as present without rows, too.
+    /// Condition under which the column exists. A column that always exists counts as present without rows, too.
     pub presence: Presence,
-    /// Where in a table.
+    /// Place of the values in a table.
     values: Storage,
 }
 
-/// Where the numbers of a column stand in a table.
+/// Place of the values of a column in a table.
 enum Storage {
-    /// In a field: to be read, and to be filled.
+    /// A field of the table, for reading and for filling.
     Own(fn(&ParticleTable) -> &dyn Numbers, fn(&mut ParticleTable) -> &mut dyn Numbers),
-    /// Among those that have accumulated.
+    /// One of the accumulated quantities.
     Accumulated(Quantity),
 }
 
-/// All of them, in the order in which they are written.
+/// All columns, in the order in which they are written.
 pub static PARTICLE_COLUMNS: LazyLock<Vec<ParticleColumn>> = LazyLock::new(|| {
     let accumulated = Quantity::ALL.map(ParticleColumn::of_quantity);
     shown().into_iter().chain(accumulated).chain(of_restart()).collect()
 });
 
-/// The column of orientations.
+/// Name of the column of orientations.
 pub const QUATERNION: &str = "quaternion";
 
-/// What a picture shows.
+/// Columns that a picture shows.
 fn shown() -> [ParticleColumn; 12] {
     let always = Presence::Always;
     [
@@ -206,7 +211,7 @@ fn shown() -> [ParticleColumn; 12] {
     ]
 }
 
-/// What a restart needs besides.
+/// Further columns for a restart.
 fn of_restart() -> [ParticleColumn; 5] {
     [
         own(
@@ -275,7 +280,7 @@ impl ParticleColumn {
         }
     }
 
-    /// Its numbers in a table.
+    /// Values of the column in a table.
     pub fn of<'a>(&self, table: &'a ParticleTable) -> &'a dyn Numbers {
         match self.values {
             Storage::Own(get, _) => get(table),
@@ -283,22 +288,22 @@ impl ParticleColumn {
         }
     }
 
-    /// Does a scene with these needs have it?
+    /// True if a scene with these needs has the column.
     pub fn is_there(&self, needs: &Needs) -> bool {
         self.presence.holds(needs)
     }
 
-    /// May a table leave it empty?
+    /// True if a table may leave the column empty.
     pub const fn is_optional(&self) -> bool {
         matches!(self.presence, Presence::If(_))
     }
 
-    /// The group in which it stands.
+    /// Path of the group that contains the column.
     pub fn group(&self) -> &str {
         self.place.rsplit_once('/').map_or("", |(group, _)| group)
     }
 
-    /// Fills it from a file; a column that the file does not have stays empty if it may.
+    /// Fills the column from a file. An optional column that the file does not have stays empty.
     pub(super) fn read(
         &self,
         table: &mut ParticleTable,
@@ -332,17 +337,16 @@ impl ParticleColumn {
 
 // --- contacts ---
 
-/// Contacts of a snapshot, or a piece of them: columns of one length. Each contact stands once, with the
-/// owner of A.
+/// Contacts of a snapshot, or of a piece of it: columns of one length. Each contact appears once, on the rank that owns A.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ContactTable {
-    /// The lower id.
+    /// Lower id.
     pub a: Vec<GlobalId>,
-    /// The higher id; in the file a wall `k` is `-(k + 1)`.
+    /// Higher id; in the file, wall `k` is `-(k + 1)`.
     pub b: Vec<GlobalId>,
     /// Centre of A [m].
     pub centre: Vec<Vec3>,
-    /// From the centre of A to the centre of B's nearest image; for a wall to the contact point [m].
+    /// Vector from the centre of A to the centre of B's nearest image, or for a wall to the contact point [m].
     pub branch: Vec<Vec3>,
     /// Contact point [m].
     pub point: Vec<Vec3>,
@@ -359,9 +363,9 @@ pub struct ContactTable {
 /// A row of a [`ContactTable`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactRow {
-    /// The lower id.
+    /// Lower id.
     pub a: GlobalId,
-    /// The higher id, or a wall's.
+    /// Higher id, or that of a wall.
     pub b: GlobalId,
     /// See [`ContactTable::centre`] [m].
     pub centre: Vec3,
@@ -380,7 +384,7 @@ pub struct ContactRow {
 }
 
 impl ContactRow {
-    /// The whole force that A exerts on B [N].
+    /// Total force that A exerts on B [N].
     pub fn force(&self) -> Vec3 {
         self.normal * self.normal_force + self.shear_force
     }
@@ -400,12 +404,12 @@ impl ContactTable {
         self.shear_force.push(row.shear_force);
     }
 
-    /// The whole force that A exerts on B [N].
+    /// Total force that A exerts on B [N].
     pub fn force(&self, contact: usize) -> Vec3 {
         self.normal[contact] * self.normal_force[contact] + self.shear_force[contact]
     }
 
-    /// All columns of these rows, for another rank.
+    /// All columns of these rows in bytes, to be sent to another rank.
     pub(super) fn bytes(rows: &dyn Rows<ContactRow>) -> Vec<Vec<u8>> {
         let centres: Box<dyn Numbers> = collected(rows, |row| row.centre);
         let columns = CONTACT_COLUMNS.iter().map(|column| (column.collect)(rows));
@@ -425,21 +429,22 @@ impl ContactTable {
 
 /// A column of the contacts file.
 pub struct ContactColumn {
-    /// What messages call it.
+    /// Name in messages.
     pub name: &'static str,
-    /// Where in the file, from `/`.
+    /// Path in the file, from `/`.
     pub place: &'static str,
-    /// Unit of its numbers; `1` for a pure number.
+    /// Unit of the numbers; `1` for a pure number.
     pub unit: &'static str,
-    /// Of a table.
+    /// Values in a table.
     get: fn(&ContactTable) -> &dyn Numbers,
-    /// The same, to be filled.
+    /// Values in a table, to be filled.
     get_mut: fn(&mut ContactTable) -> &mut dyn Numbers,
-    /// Of rows that come one by one.
+    /// Collects the column from rows that are visited one by one.
     collect: fn(&dyn Rows<ContactRow>) -> Box<dyn Numbers>,
 }
 
-/// All of them, in the order in which they are written. The centre of A is a point of the lines that the file shows.
+/// All columns, in the order in which they are written. The centre of A is not among them: it is a point of the lines in the
+/// file.
 pub static CONTACT_COLUMNS: [ContactColumn; 8] = [
     ContactColumn {
         name: "a",
@@ -508,12 +513,12 @@ pub static CONTACT_COLUMNS: [ContactColumn; 8] = [
 ];
 
 impl ContactColumn {
-    /// Its numbers in a table.
+    /// Values of the column in a table.
     pub fn of<'a>(&self, table: &'a ContactTable) -> &'a dyn Numbers {
         (self.get)(table)
     }
 
-    /// Fills it from a file.
+    /// Fills the column from a file.
     pub(super) fn read(
         &self,
         table: &mut ContactTable,
@@ -523,7 +528,7 @@ impl ContactColumn {
         values.read(piece, &column(self.place, self.unit, values))
     }
 
-    /// Writes the rows of this rank; only this column of them is ever held. Collective.
+    /// Writes the rows of this rank. Only this column of them is in memory. Collective.
     pub(super) fn write(
         &self,
         rows: &dyn Rows<ContactRow>,
@@ -563,7 +568,7 @@ impl Rows<ContactRow> for ContactTable {
     }
 }
 
-/// One column of rows that come one by one.
+/// Collects one column of rows that are visited one by one.
 fn collected<T: Value + 'static>(
     rows: &dyn Rows<ContactRow>,
     get: impl Fn(&ContactRow) -> T,
@@ -573,13 +578,13 @@ fn collected<T: Value + 'static>(
     Box::new(column)
 }
 
-/// Elements of a particle in all columns.
+/// Number of elements of a particle in all columns.
 pub fn particle_elements() -> usize {
     let empty = ParticleTable::default();
     PARTICLE_COLUMNS.iter().map(|column| column.of(&empty).labels().len()).sum()
 }
 
-/// Elements of a contact in all columns.
+/// Number of elements of a contact in all columns.
 pub fn contact_elements() -> usize {
     let empty = ContactTable::default();
     CONTACT_COLUMNS.iter().map(|column| column.of(&empty).labels().len()).sum()
@@ -594,30 +599,30 @@ pub fn particle_bytes(needs: &Needs) -> usize {
 
 // --- rows that are visited one by one ---
 
-/// Rows that are visited one by one, as often as needed: a snapshot is written column by column, and the rows of all its
-/// columns at once would be most of what a run ever holds.
+/// Rows that are visited one by one, as often as needed. A snapshot is written column by column; all columns of its rows at once
+/// would be most of the memory of a run.
 pub trait Rows<Row> {
-    /// How many.
+    /// Number of rows.
     fn count(&self) -> usize;
 
-    /// Visits each, always in the same order.
+    /// Visits every row, always in the same order.
     fn each(&self, take: &mut dyn FnMut(&Row));
 
-    /// A column of another length than the first, and its length. Only what is stored in columns can have one.
+    /// Name and length of a column whose length differs from that of the first. Only tables stored in columns can have one.
     fn uneven(&self) -> Option<(&'static str, usize)> {
         None
     }
 }
 
-/// The same of records of touching contacts.
+/// Records of touching contacts that are visited one by one.
 pub trait ContactRecordRows {
-    /// What the law remembers.
+    /// Columns of the state of the contact law.
     fn columns(&self) -> &[StateColumn];
 
-    /// How many.
+    /// Number of records.
     fn count(&self) -> usize;
 
-    /// Visits each, always in the same order.
+    /// Visits every record, always in the same order.
     fn each(&self, take: &mut dyn FnMut(&ContactRecord));
 }
 

@@ -1,14 +1,14 @@
-//! What a table must be before it is computed from: else a damaged file would end in a nonsense number.
+//! Checks of tables before computation: a damaged file would otherwise give meaningless numbers.
 
 use super::PostError;
 use crate::math::Vec3;
 use crate::output::header::Header;
 use crate::output::tables::{ContactTable, ParticleTable};
 
-/// Nothing that is measured is larger, in SI units.
+/// Largest accepted magnitude, in SI units; no measured value is larger.
 const LARGEST: f64 = 1e30;
 
-/// Every shape known, and every number one that products of it can be.
+/// Checks that every shape is known, and every number small enough for products of it to be finite.
 pub(super) fn check_particles(header: &Header, particles: &ParticleTable) -> Result<(), PostError> {
     let is_mass = |mass: f64| mass > 0.0 && mass <= LARGEST * LARGEST;
     if let Some(shape) = header.shapes.iter().find(|shape| !is_mass(shape.mass)) {
@@ -39,7 +39,7 @@ pub(super) fn check_particles(header: &Header, particles: &ParticleTable) -> Res
     broken("quaternion", particles.quaternion.iter().position(|q| !orientation(q)))
 }
 
-/// Every number likewise.
+/// Checks every number of the contacts.
 pub(super) fn check_contacts(contacts: &ContactTable) -> Result<(), PostError> {
     let broken = |column: &'static str, row: Option<usize>| match row {
         None => Ok(()),

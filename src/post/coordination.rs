@@ -1,18 +1,19 @@
-//! How many neighbours a particle touches.
+//! Coordination numbers of particles.
 //!
-//! Counted per particle of the region: `Z = (1/N) Σ contacts of the particle`. For the whole, with
+//! Numbers are counted per particle of the region: `Z = (1/N) Σ contacts of the particle`. For the whole packing, with
 //! `N_pp` contacts between particles and `N_pw` with walls,
 //!
 //! * without walls `Z = 2 N_pp / N`,
-//! * with walls `Z = (2 N_pp + N_pw) / N`: a wall contact has one particle.
+//! * with walls `Z = (2 N_pp + N_pw) / N`: a wall contact has only one particle.
 //!
-//! Bodies that touch in several places, as unions may, count once.
+//! Bodies that touch in several places, for example unions, count once.
 //!
-//! Particles that are held count as walls: they are none of the `N`, and contacts with them are none between particles.
+//! Held particles count as walls: they are not among the `N`, and contacts with them are not contacts between
+//! particles.
 //!
-//! The mechanical coordination number (Thornton 2000, DOI 10.1680/geot.2000.50.1.43) leaves out the
-//! rattlers, which carry nothing: `Z_m = (2 N_c - N_1) / (N - N_0 - N_1)` with `N_0`, `N_1` the particles with
-//! no and with one contact. Rattlers are taken out once, not again until none is left.
+//! The mechanical coordination number (Thornton 2000, DOI 10.1680/geot.2000.50.1.43) leaves out rattlers, which carry
+//! no load: `Z_m = (2 N_c - N_1) / (N - N_0 - N_1)` with `N_0`, `N_1` the particles with no and with one contact.
+//! Rattlers are removed once, not repeatedly.
 
 use super::region::Members;
 use super::sums::quotient;
@@ -20,17 +21,17 @@ use crate::ids::GlobalId;
 use crate::output::tables::ContactTable;
 use serde::{Deserialize, Serialize};
 
-/// Counts the contacts of each particle: eight bytes per id ever given.
+/// Contact counts of each particle: eight bytes per id ever given.
 #[derive(Clone, Debug, Default)]
 pub struct CoordinationCount {
     /// Contacts with particles, and with walls and held particles, by id.
     contacts: Vec<[u32; 2]>,
-    /// Bodies of the last contact: several contacts of two bodies stand side by side.
+    /// Bodies of the last contact: several contacts of two bodies are consecutive.
     last: Option<(GlobalId, GlobalId)>,
 }
 
 impl CoordinationCount {
-    /// Adds these contacts.
+    /// Adds contacts.
     pub fn add_contacts(&mut self, contacts: &ContactTable, members: &Members) {
         for (&a, &b) in contacts.a.iter().zip(&contacts.b) {
             if self.last.replace((a, b)) == Some((a, b)) {
@@ -55,7 +56,7 @@ impl CoordinationCount {
         &mut self.contacts[id]
     }
 
-    /// The numbers of the region.
+    /// Coordination numbers of the region.
     pub fn finish(&self, members: &Members) -> Coordination {
         let counts = || members.ids().map(|id| self.contacts.get(id).copied().unwrap_or([0; 2]));
         Coordination {
@@ -65,19 +66,19 @@ impl CoordinationCount {
     }
 }
 
-/// The coordination of a region, both ways of counting.
+/// Coordination numbers of a region, with and without walls.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Coordination {
     /// Contacts between particles only.
     pub without_walls: CoordinationNumbers,
-    /// Contacts with walls too.
+    /// Contacts with walls included.
     pub with_walls: CoordinationNumbers,
 }
 
-/// How many particles have how many contacts.
+/// Distribution of the number of contacts per particle.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CoordinationNumbers {
-    /// Entry `k`: particles with `k` contacts.
+    /// Entry `k`: number of particles with `k` contacts.
     pub histogram: Vec<u64>,
 }
 
@@ -94,12 +95,12 @@ impl CoordinationNumbers {
         Self { histogram }
     }
 
-    /// Particles.
+    /// Number of particles.
     pub fn particles(&self) -> u64 {
         self.histogram.iter().sum()
     }
 
-    /// Contacts, each counted once per particle of the region.
+    /// Number of contacts, each counted once per particle of the region.
     pub fn contact_ends(&self) -> u64 {
         self.histogram.iter().zip(0..).map(|(particles, k)| particles * k).sum()
     }
@@ -110,12 +111,12 @@ impl CoordinationNumbers {
         self.histogram.iter().map(move |&particles| particles as f64 / all)
     }
 
-    /// Particles with exactly this many contacts.
+    /// Number of particles with exactly this many contacts.
     pub fn having(&self, contacts: usize) -> u64 {
         self.histogram.get(contacts).copied().unwrap_or(0)
     }
 
-    /// Particles with fewer than two contacts.
+    /// Number of particles with fewer than two contacts.
     pub fn rattlers(&self) -> u64 {
         self.having(0) + self.having(1)
     }

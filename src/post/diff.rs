@@ -1,9 +1,8 @@
-//! Two snapshots of what should be the same state: equal bit for bit, or where they differ.
+//! Comparison of two snapshots of the same state: equal bit for bit, or the differences.
 //!
-//! Rows are matched by id, so snapshots from different numbers of ranks compare equal; the
-//! owning rank is not part of the state and is not compared. Springs and all else that is remembered of
-//! touching contacts are matched by the ids of both bodies, and so are the rows of the contacts files. Both states are held
-//! in memory.
+//! Rows are matched by id, so that snapshots from different numbers of ranks compare equal; the owning rank is not
+//! compared. Springs and other states of touching contacts are matched by the ids of both bodies, and so are the rows of
+//! the contacts files. Both states are held in memory.
 
 use crate::contact::{ContactRecord, ContactRecords, StateColumn};
 use crate::drive::{SavedColumn, SavedState};
@@ -21,26 +20,26 @@ use std::fmt;
 use std::ops::Range;
 use std::slice;
 
-/// How many differences are named one by one.
+/// Largest number of differences that are listed one by one.
 pub const NAMED: usize = 10;
 
-/// What a restart goes on from.
+/// State from which a restart continues.
 #[derive(Clone, Debug)]
 pub struct State {
-    /// Step, time, walls, drives.
+    /// Header with step, time, walls and drives.
     pub header: Header,
-    /// The particles, in any order.
+    /// Particles, in any order.
     pub particles: ParticleTable,
-    /// What is remembered of touching contacts, in any order.
+    /// States of touching contacts, in any order.
     pub records: ContactRecords,
-    /// The rows of the contacts file, in any order.
+    /// Rows of the contacts file, in any order.
     pub contacts: ContactTable,
 }
 
-/// Names a contact: the lower id, the higher id.
+/// Key of a contact: its lower id and its higher id.
 type Ends = (GlobalId, GlobalId);
 
-/// What differs.
+/// Differences of two snapshots.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Difference {
     /// Differences of step, time, walls and drives, in words.
@@ -49,58 +48,58 @@ pub struct Difference {
     pub only_first: Vec<GlobalId>,
     /// Ids of particles that only the second has.
     pub only_second: Vec<GlobalId>,
-    /// Columns that only one of them has.
+    /// Columns that only one snapshot has.
     pub only_one_column: Vec<String>,
-    /// Particles in both.
+    /// Number of particles in both.
     pub compared: u64,
-    /// Particles in both that differ anywhere.
+    /// Number of particles in both that differ in any column.
     pub differing: u64,
-    /// By column: how many particles differ, and the largest difference.
+    /// By column: number of particles that differ, and the largest difference.
     pub columns: BTreeMap<String, ColumnDifference>,
-    /// The first differences by id, at most [`NAMED`].
+    /// First differences by id, at most [`NAMED`].
     pub first: Vec<ValueDifference>,
-    /// What differs of the touching contacts.
+    /// Differences of the touching contacts.
     pub contacts: ContactDifference,
 }
 
-/// What differs of the touching contacts.
+/// Differences of the touching contacts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ContactDifference {
     /// Contacts that only the first has.
     pub only_first: Vec<(GlobalId, GlobalId)>,
     /// Contacts that only the second has.
     pub only_second: Vec<(GlobalId, GlobalId)>,
-    /// What only one of them remembers.
+    /// State columns that only one snapshot has.
     pub only_one_column: Vec<String>,
-    /// Contacts in both.
+    /// Number of contacts in both.
     pub compared: u64,
-    /// Contacts in both that differ anywhere.
+    /// Number of contacts in both that differ in any column.
     pub differing: u64,
-    /// By column: how many contacts differ, and the largest difference.
+    /// By column: number of contacts that differ, and the largest difference.
     pub columns: BTreeMap<String, ColumnDifference>,
-    /// The first that differ, at most [`NAMED`].
+    /// First contacts that differ, at most [`NAMED`].
     pub first: Vec<(GlobalId, GlobalId)>,
 }
 
-/// How far a column differs.
+/// Differences of a column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ColumnDifference {
-    /// Particles, or contacts, that differ in it.
+    /// Number of particles or contacts that differ in it.
     pub rows: u64,
     /// Largest absolute difference of a component, in the column's unit; infinite if one is not a number.
     pub largest: f64,
 }
 
-/// One number that differs.
+/// A number that differs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ValueDifference {
-    /// Whose.
+    /// Id of the particle.
     pub id: GlobalId,
-    /// Column, and component.
+    /// Column and component.
     pub column: String,
-    /// In the first.
+    /// Value in the first snapshot.
     pub first: f64,
-    /// In the second.
+    /// Value in the second snapshot.
     pub second: f64,
 }
 
@@ -123,9 +122,9 @@ impl Difference {
             ..Self::default()
         };
         let (first, second) = (&first.particles, &second.particles);
-        // An optional column may be missing in one: then there is nothing to compare it with.
+        // An optional column may be absent from one snapshot and then cannot be compared.
         let mut shared = Vec::new();
-        // Matched by id; the owner is no state.
+        // The key of the match and the owning rank are not compared.
         let compared = PARTICLE_COLUMNS.iter().filter(|c| !["id", "rank"].contains(&c.name));
         for column in compared {
             let (a, b) = (column.of(first), column.of(second));
@@ -194,7 +193,7 @@ impl ContactDifference {
         let mut found = Self::default();
         let tables = [&first.contacts, &second.contacts];
         let (first, second) = (&first.records, &second.records);
-        // What only one of them remembers has nothing to be compared with.
+        // A column that only one snapshot has cannot be compared.
         let mut shared = vec![];
         for (column, place) in StateColumn::ranges(first.columns()) {
             match StateColumn::ranges(second.columns()).find(|(other, _)| other.name == column.name)
@@ -223,7 +222,7 @@ impl ContactDifference {
                 _ => found.only_second.push(ends),
             }
         }
-        // Nothing is remembered of them.
+        // Contacts without a state are compared by their rows in the contacts files.
         for (ends, row) in rows {
             match row {
                 [Some(_), Some(_)] => found.note(ends, columns_of(&in_files(tables, row))),
@@ -285,14 +284,14 @@ impl ContactDifference {
     }
 }
 
-/// A column of the contacts files, and the numbers that both have of a contact.
+/// Column of the contacts files, with the numbers of a contact in both.
 type InFiles = (String, [Vec<f64>; 2]);
 
 fn columns_of(in_files: &[InFiles]) -> impl Iterator<Item = (&str, &[f64], &[f64])> {
     in_files.iter().map(|(name, [x, y])| (&**name, &**x, &**y))
 }
 
-/// What the contacts files have of a contact, by column; nothing of a file without a row of it.
+/// Numbers of a contact in the contacts files, by column; empty for a file without a row of it.
 fn in_files(tables: [&ContactTable; 2], rows: [Option<usize>; 2]) -> Vec<InFiles> {
     let of_column = |name: &str, of: &dyn Fn(&ContactTable, usize) -> Vec<f64>| {
         let numbers = [0, 1].map(|k| rows[k].map_or_else(Vec::new, |row| of(tables[k], row)));
@@ -308,10 +307,10 @@ fn in_files(tables: [&ContactTable; 2], rows: [Option<usize>; 2]) -> Vec<InFiles
     columns.chain([centre]).collect()
 }
 
-/// The name of what both laws remember, and where it stands in each state.
+/// Name of a state column of both laws, and its range in each state.
 type SharedState<'a> = (&'a str, Range<usize>, Range<usize>);
 
-/// The rows of two tables by the names of what is in them.
+/// Rows of two tables, matched by key.
 fn matched<T: Ord>(
     first: impl Iterator<Item = T>,
     second: impl Iterator<Item = T>,
@@ -326,7 +325,7 @@ fn matched<T: Ord>(
     rows
 }
 
-/// How far two numbers are apart; infinite if one is not a number.
+/// Absolute difference of two numbers; infinite if one is not a number.
 fn distance(x: f64, y: f64) -> f64 {
     let distance = (x - y).abs();
     if distance.is_nan() { f64::INFINITY } else { distance }
@@ -334,7 +333,7 @@ fn distance(x: f64, y: f64) -> f64 {
 
 fn header_differences(first: &Header, second: &Header) -> Vec<String> {
     let others: BTreeMap<String, String> = facts(second).into_iter().collect();
-    // Walls and shapes that one of them lacks are missing in its list of names.
+    // Walls and shapes that one header lacks show as a difference of the lists of names.
     let differs = |(what, a): (String, String)| {
         let b = others.get(&what).filter(|b| **b != a)?;
         Some(format!("{what}: {} and {}", shortened(&a), shortened(b)))
@@ -350,7 +349,7 @@ fn header_differences(first: &Header, second: &Header) -> Vec<String> {
     found
 }
 
-/// All that a header says of the state, by name, with enough digits to distinguish each number from all others.
+/// All facts of the state in a header, by name, with enough digits to distinguish each number from all others.
 fn facts(header: &Header) -> Vec<(String, String)> {
     let Header {
         step,
@@ -360,14 +359,14 @@ fn facts(header: &Header) -> Vec<(String, String)> {
         stage_shift,
         next_id,
         departed,
-        // Why the run ended, when it was measured, and what the user wrote, are no state.
+        // The reason of the end, the time of measurement and the text of the scene are not part of the state.
         most_moving: _,
         stop: _,
         scene: _,
         cell,
         gravity,
         walls,
-        // The checksums of the walls tell.
+        // Compared by the checksums of the walls.
         triangles: _,
         drives: _,
         shapes,
@@ -414,7 +413,7 @@ fn facts(header: &Header) -> Vec<(String, String)> {
     all.chain(shapes.iter().flat_map(of_shape)).chain(walls.iter().flat_map(of_wall)).collect()
 }
 
-/// The beginning of a long text.
+/// Beginning of a long text.
 fn shortened(text: &str) -> String {
     const MOST: usize = 160;
     match text.char_indices().nth(MOST) {
@@ -427,7 +426,7 @@ fn left_behind(Departed { received, dissipated, channels }: Departed) -> String 
     format!("received {received:e} J, dissipated {dissipated:e} J, of that {channels:?} J")
 }
 
-/// What each drive has saved, by the names of drive and column.
+/// Saved state of each drive, by the names of drive and column.
 fn states_of_drives(header: &Header) -> BTreeMap<String, String> {
     let of_drive = |saved: &SavedState| {
         let named = |SavedColumn { column, values }: &SavedColumn| {

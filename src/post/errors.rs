@@ -1,4 +1,4 @@
-//! Why a measure that was asked for could not be made.
+//! Errors of measures.
 
 use super::PostError;
 use super::draw::PlotError;
@@ -8,51 +8,51 @@ use crate::text::{MOST_NAMED, listed};
 use std::io;
 use std::path::PathBuf;
 
-/// Why a measure could not be made.
+/// Errors of a measure.
 #[derive(Debug, thiserror::Error)]
 pub enum MeasureError {
-    /// A snapshot that cannot be used.
+    /// The snapshot cannot be used.
     #[error(transparent)]
     Post(#[from] PostError),
-    /// A file that cannot be read or written.
+    /// A file cannot be read or written.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
-    /// A chart.
+    /// A chart cannot be drawn.
     #[error(transparent)]
     Plot(#[from] PlotError),
-    /// A table or image that cannot be written.
+    /// A table or image cannot be written.
     #[error("cannot write {path}: {cause}", path = path.display())]
     Unwritten {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         cause: io::Error,
     },
-    /// An error with the file in which it is.
+    /// An error, with the name of the file.
     #[error("{file}: {error}")]
     In {
         /// The file.
         file: String,
-        /// The error.
+        /// Error in the file.
         error: Box<MeasureError>,
     },
-    /// A length that is none.
+    /// The length is not positive.
     #[error("a length of {side} m: write one above 0, in metres (0.004) or grain diameters (1.5d)")]
     NoSide {
         /// The length [m].
         side: f64,
     },
-    /// A grid that is too fine.
+    /// The grid is too fine.
     #[error(
         "a grid of {cells:.3e} cells, and {most:.0e} are the most: make --grid larger, or give a --region"
     )]
     TooManyCells {
-        /// How many there would be.
+        /// Requested number of cells.
         cells: f64,
-        /// How many there may be.
+        /// Largest number of cells.
         most: f64,
     },
-    /// Cells that miss the weight.
+    /// The cells are too coarse for the weight.
     #[error(
         "cells of {side:e} m are larger than the width of the fields, {width:e} m: make --grid smaller, or leave it out"
     )]
@@ -62,7 +62,7 @@ pub enum MeasureError {
         /// Width [m].
         width: f64,
     },
-    /// A grain would meet its own image.
+    /// The weight of a particle would reach its own image.
     #[error(
         "the weights reach {range:e} m, over half of the period along {axis}, {period:e} m: make --fields smaller"
     )]
@@ -71,46 +71,46 @@ pub enum MeasureError {
         axis: &'static str,
         /// Its period [m].
         period: f64,
-        /// How far the weight reaches [m].
+        /// Range of the weight [m].
         range: f64,
     },
-    /// The edges of the cell lean, and cells of fields are upright.
+    /// The edges of the periodic cell are not along the axes, as the cells of fields must be.
     #[error(
         "the edges of the cell lean, so images stand beside the cells of a grid: fields are there for cells whose edges are along the axes only"
     )]
     Leaning,
-    /// No grains where it is measured.
+    /// There are no particles in the region.
     #[error("no grain is in the region: make it larger, or name another snapshot")]
     NobodyThere,
-    /// A shape that is not there.
+    /// The shape does not exist.
     #[error("the snapshot has no shape `{name}`; it has: {}", listed(known, MOST_NAMED))]
     NoSuchShape {
-        /// What was asked for.
+        /// Requested name.
         name: String,
-        /// What there is.
+        /// Names of all shapes.
         known: Vec<String>,
     },
-    /// Nothing to mix.
+    /// All particles are of one group.
     #[error("all {grains} grains of the region are of one group: mixing needs two")]
     OneGroup {
-        /// How many.
+        /// Number of particles.
         grains: u64,
     },
-    /// No up and down.
+    /// Gravity does not define a vertical.
     #[error("gravity is {gravity:?} m/s2, and the angle of a surface needs it along -z", gravity = gravity.as_slice())]
     NoVertical {
         /// Gravity [m/s²].
         gravity: Vec3,
     },
-    /// A heap that is too small or flat.
+    /// The heap is too small or too flat.
     #[error(
         "only {strips} strips of columns are on the slope, three are needed: the heap is too flat or too small for its grains"
     )]
     NoSurface {
-        /// Strips between foot and top.
+        /// Number of strips between foot and top.
         strips: usize,
     },
-    /// A plane that images pass.
+    /// The plane is across a periodic axis.
     #[error(
         "{axis} is periodic: which way a grain went through a plane across it cannot be told from snapshots"
     )]
@@ -118,29 +118,29 @@ pub enum MeasureError {
         /// The axis.
         axis: &'static str,
     },
-    /// An outlet that is not there.
+    /// The outlet does not exist.
     #[error(
         "history.csv has no outlet `{name}`; {}",
         if known.is_empty() { "it has none, so give a plane, -z=0.05".to_owned() } else { format!("it has: {}", listed(known, MOST_NAMED)) }
     )]
     NoSuchOutlet {
-        /// What was asked for.
+        /// Requested name.
         name: String,
-        /// What there is.
+        /// Names of all outlets.
         known: Vec<String>,
     },
-    /// No rate without two times.
+    /// There are fewer than two rows for a rate.
     #[error(
         "{rows} rows in the window, and a rate needs two: name more snapshots (--series), or make --window larger"
     )]
     FewRows {
-        /// How many.
+        /// Number of rows.
         rows: usize,
     },
 }
 
 impl MeasureError {
-    /// Whether this snapshot only has nothing to measure, where another one of its run may have, perhaps within the same margin.
+    /// Whether only this snapshot has nothing to measure, while another of its run may have, perhaps within the same margin.
     pub(super) const fn is_of_one_state(&self, has_margin: bool) -> bool {
         match self {
             Self::NobodyThere | Self::OneGroup { .. } | Self::NoSurface { .. } => true,

@@ -1,4 +1,4 @@
-//! A snapshot as VTP: surfaces of grains and walls, and its rows as points and lines.
+//! Snapshots as VTP: surfaces of particles and walls, and rows as points and lines.
 
 use super::surface::{Detail, Surface};
 use super::vtp::{Array, Cells, NORMALS, PolyData};
@@ -9,10 +9,10 @@ use crate::output::header::WallRow;
 use crate::output::snapshot::{self, Reader};
 use crate::output::tables::{CONTACT_COLUMNS, ContactTable, PARTICLE_COLUMNS};
 
-/// The surfaces of all grains. Of each point `id`, `shape`, `velocity` [m/s] and `coordination` of its grain.
+/// Surfaces of all particles. Each point has `id`, `shape`, `velocity` [m/s] and `coordination` of its particle.
 ///
 /// # Errors
-/// A file that cannot be read, or makes no sense.
+/// If a file cannot be read or is invalid.
 pub fn grains(reader: &Reader, detail: Detail) -> Result<PolyData, PostError> {
     let header = reader.header();
     let surfaces: Vec<Surface> =
@@ -59,19 +59,20 @@ pub fn grains(reader: &Reader, detail: Detail) -> Result<PolyData, PostError> {
     })
 }
 
-/// With half the digits: a picture needs no more, and there are many points.
+/// The vector in single precision, enough for pictures with many points.
 fn single(vector: &Vec3) -> [f32; 3] {
     [vector.x as f32, vector.y as f32, vector.z as f32]
 }
 
-/// The triangles of walls, and their planes, as far as they bound the room of the grains: the domain, and what of it walls leave free. Of each
-/// polygon the `wall`, counted as in the snapshot, the `velocity` of its middle, the mean of its corners [m/s], and `wall_force`, that on the whole wall [N].
-/// Of triangles of walls with `wear` also what was `lost` and what was `rubbed` off since the stage began, over the area [J/m²], and in the mean over
-/// that time `mean_traction`, the force over the area in the place where the triangle is now, and `mean_pressure`, the part of it along the normal [Pa]; of
-/// other polygons of such a snapshot these are no numbers.
+/// Triangles and planes of walls, cut to the domain and to the space that other walls leave free. Each polygon has `wall`, the
+/// index in the snapshot; `velocity` of its middle, the mean of its corners [m/s]; and `wall_force` on the whole wall [N].
+///
+/// Triangles of walls with `wear` also have energies over their area since the stage began: `lost` and `rubbed` [J/m²]. They have
+/// means over that time [Pa]: `mean_traction`, the force over the area at the present place of the triangle, and `mean_pressure`,
+/// its normal part. For other polygons of such a snapshot these values are not numbers.
 ///
 /// # Errors
-/// A file that cannot be read, or makes no sense.
+/// If a file cannot be read or is invalid.
 pub fn walls(reader: &Reader) -> Result<PolyData, PostError> {
     let header = reader.header();
     let room = room(reader)?;
@@ -142,9 +143,9 @@ pub fn walls(reader: &Reader) -> Result<PolyData, PostError> {
     })
 }
 
-/// What a triangle has suffered, over its area.
+/// Wear of a triangle, over its area.
 struct Wear {
-    /// [J/m²]
+    /// Energy [J/m²].
     lost: f64,
     rubbed: f64,
     /// Mean over time [Pa].
@@ -152,7 +153,7 @@ struct Wear {
     traction: Vec3,
 }
 
-/// Nobody knows.
+/// Unknown values, not numbers.
 impl Default for Wear {
     fn default() -> Self {
         let [lost, rubbed, pressure] = [f64::NAN; 3];
@@ -165,7 +166,7 @@ impl Wear {
         let twice = (b - a).cross(&(c - a));
         let area = 0.5 * twice.norm();
         let impulse = wall.body.as_ref().map_or(worn.impulse, |body| body.turned(&worn.impulse));
-        // Before the first step there is no mean.
+        // There is no mean before the first step.
         let time = if worn.time > 0.0 { worn.time } else { f64::NAN };
         let traction = impulse / (time * area);
         let pressure = traction.dot(&twice.normalize()).abs();
@@ -173,10 +174,10 @@ impl Wear {
     }
 }
 
-/// Two opposite corners of what is drawn [m].
+/// Two opposite corners of the drawn box [m].
 type Room = [Vec3; 2];
 
-/// The domain, and all grains and walls that are out of it; along periodic axes the domain alone.
+/// Box of the domain, and of all particles and walls outside it; along periodic axes the domain alone.
 fn room(reader: &Reader) -> Result<Room, PostError> {
     let header = reader.header();
     let (mut low, mut high) = header.cell.corners();
@@ -200,14 +201,14 @@ fn room(reader: &Reader) -> Result<Room, PostError> {
     Ok([low, high])
 }
 
-/// The six sides of a box, each a point of it and its normal inwards.
+/// The six sides of a box, each with a point and the inward normal.
 fn sides([low, high]: &Room) -> impl Iterator<Item = (Vec3, Vec3)> {
     [(*low, 1.0), (*high, -1.0)]
         .into_iter()
         .flat_map(|(corner, sign)| (0..3).map(move |k| (corner, Vec3::ith(k, sign))))
 }
 
-/// A square of the plane that holds all of it in a box; counter-clockwise seen from where the normal points.
+/// A square in the plane that covers its section with a box; counter-clockwise seen from the tip of the normal.
 fn square(point: &Vec3, normal: &Vec3, [low, high]: &Room) -> Vec<Vec3> {
     let middle = (low + high) * 0.5;
     let centre = middle - normal * (middle - point).dot(normal);
@@ -222,13 +223,13 @@ fn square(point: &Vec3, normal: &Vec3, [low, high]: &Room) -> Vec<Vec3> {
     ]
 }
 
-/// What of a polygon is in front of all these planes, or on them.
+/// The part of a polygon in front of all planes, or on them.
 fn cut(
     polygon: Vec<Vec3>,
     planes: impl Iterator<Item = (Vec3, Vec3)>,
     [low, high]: &Room,
 ) -> Vec<Vec3> {
-    // A plane that stands in another one, up to rounding, takes nothing of it.
+    // A plane that coincides with another up to rounding cuts nothing off it.
     let rounding = 1e-9 * (high - low).norm();
     planes.fold(polygon, |polygon, (point, normal)| {
         let height = |corner: &Vec3| (corner - point).dot(&normal) + rounding;
@@ -247,10 +248,10 @@ fn cut(
     })
 }
 
-/// Particles as points with what a picture shows of them.
+/// Particles as points with the columns that a picture shows.
 ///
 /// # Errors
-/// A file that cannot be read.
+/// If a file cannot be read.
 pub fn particles(reader: &Reader) -> Result<PolyData, PostError> {
     let table = reader.particles(0..reader.particle_count())?;
     let header = reader.header();
@@ -274,11 +275,11 @@ pub fn particles(reader: &Reader) -> Result<PolyData, PostError> {
     })
 }
 
-/// Contacts as lines from centre to centre, or to the foot on a wall, with all columns and `force`, the magnitude of the
-/// whole force [N].
+/// Contacts as lines from centre to centre, or to the foot on a wall, with all columns and `force`, the magnitude of the total
+/// force [N].
 ///
 /// # Errors
-/// A file that cannot be read.
+/// If a file cannot be read.
 pub fn contacts(reader: &Reader) -> Result<PolyData, PostError> {
     let table: ContactTable = reader.contacts(0..reader.contact_count()?)?;
     check::check_contacts(&table)?;

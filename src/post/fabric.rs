@@ -1,24 +1,23 @@
 //! Anisotropy of contact normals and of contact forces (Guo and Zhao 2013, Comput. Geotech. 47,
 //! 1-15; eq. 6 of Lai et al. 2021).
 //!
-//! The three second-order tensors are those of the densities
-//! `E(n) = (1 + a^c:nn) / 4π`, `f_n(n) = f_0 (1 + a^n:nn)` and `f_t(n) = f_0 (a^t n - (a^t:nn) n)`:
+//! The three second-order tensors belong to the densities `E(n) = (1 + a^c:nn) / 4π`,
+//! `f_n(n) = f_0 (1 + a^n:nn)` and `f_t(n) = f_0 (a^t n - (a^t:nn) n)`:
 //!
 //! * `Φ_ij = <n_i n_j>`, `a^c = 15/2 Φ'`,
 //! * `χ^n_ij = <f_n n_i n_j / (1 + a^c:nn)>`, `f_0 = χ^n_ii`, `a^n = 15/2 χ^n' / f_0`,
 //! * `χ^t_ij = <f_t,i n_j / (1 + a^c:nn)>`, `a^t = 15/3 χ^t' / f_0`.
 //!
-//! The branches between centres are not along the normals of ellipsoids. Their parts along and across the normal
-//! have tensors `a^bn` and `a^bt`, by the same formulas with the branch in the place of the force (Ouadfel and
+//! The branches between centres of ellipsoids are not along the normals. Their parts along and across the normal
+//! have tensors `a^bn` and `a^bt`, by the same formulas with the branch in place of the force (Ouadfel and
 //! Rothenburg 2001, Mech. Mater. 33, 201-221).
 //!
-//! Averages run over contacts. Each degree is `±√(3/2 a_ij a_ij)` (eq. 6 prints no inner
-//! product), positive if the tensor's axes go with those of the stress deviator: `sgn(a_ij σ'_ij)`; without a
-//! stress it is positive. For coaxial, weak anisotropies `q/p = 2/5 (a_c + a_n + a_bn + 3/2 (a_t + a_bt))`; of
-//! spheres of one size `a_bn` and `a_bt` are zero.
+//! Averages run over contacts. Each degree is `±√(3/2 a_ij a_ij)` (eq. 6 prints no inner product). Its sign is
+//! that of `a_ij σ'_ij`, positive without a stress. For coaxial, weak anisotropies
+//! `q/p = 2/5 (a_c + a_n + a_bn + 3/2 (a_t + a_bt))`; for spheres of one size `a_bn` and `a_bt` are zero.
 //!
-//! Contacts with walls have the walls' normals, not the packing's: they are left out unless asked for.
-//! Expect an `a_c` of about `7.5/√N_c` from an isotropic packing of `N_c` contacts.
+//! Contacts with walls have the normals of the walls, not of the packing, and are left out unless requested. An
+//! isotropic packing of `N_c` contacts has an `a_c` of about `7.5/√N_c`.
 
 use super::PostError;
 use super::region::{Ends, Members};
@@ -28,7 +27,7 @@ use crate::math::{ExactSum, Mat3, Vec3};
 use crate::output::tables::ContactTable;
 use serde::{Deserialize, Serialize};
 
-/// Which contacts an average runs over.
+/// Contacts over which averages run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Among {
     /// Contacts between particles.
@@ -39,7 +38,7 @@ pub enum Among {
 }
 
 impl Among {
-    /// What a contact weighs, in halves.
+    /// Weight of a contact, in halves.
     pub const fn halves(self, ends: Ends) -> u64 {
         match self {
             Self::Particles if ends.wall => 0,
@@ -47,8 +46,8 @@ impl Among {
         }
     }
 
-    /// Hands on the row of each contact that counts, and what it weighs, in halves. An error is a contact of a
-    /// particle that does not exist.
+    /// Calls `note` with the row and weight, in halves, of each contact that counts. A contact of a particle
+    /// that does not exist is an error.
     pub(super) fn each(
         self,
         contacts: &ContactTable,
@@ -65,7 +64,7 @@ impl Among {
     }
 }
 
-/// Adds up contact normals.
+/// Sum over contact normals.
 #[derive(Clone, Debug, Default)]
 pub struct FabricSum {
     among: Among,
@@ -74,15 +73,15 @@ pub struct FabricSum {
 }
 
 impl FabricSum {
-    /// No contacts yet.
+    /// An empty sum.
     pub fn new(among: Among) -> Self {
         Self { among, ..Self::default() }
     }
 
-    /// Adds these contacts.
+    /// Adds contacts.
     ///
     /// # Errors
-    /// A contact of a particle that does not exist.
+    /// If a contact refers to a particle that does not exist.
     pub fn add_contacts(
         &mut self,
         contacts: &ContactTable,
@@ -102,10 +101,10 @@ impl FabricSum {
     }
 }
 
-/// The fabric of contact normals.
+/// Fabric of contact normals.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Fabric {
-    /// Contacts; one that the region's border cuts counts half.
+    /// Number of contacts; one across the border of the region counts half.
     pub contacts: f64,
     /// Fabric tensor `Φ_ij = <n_i n_j>`.
     #[serde(with = "rows")]
@@ -131,8 +130,8 @@ pub fn degree(anisotropy: &Mat3, stress: Option<&Stress>) -> f64 {
     if against { -size } else { size }
 }
 
-/// Adds up contact forces, each over the density of normals in its direction: a second pass,
-/// after that of [`FabricSum`].
+/// Sum over contact forces, each over the density of normals in its direction: a second pass, after that of
+/// [`FabricSum`].
 #[derive(Clone, Debug)]
 pub struct ForceFabricSum {
     among: Among,
@@ -146,7 +145,7 @@ pub struct ForceFabricSum {
 }
 
 impl ForceFabricSum {
-    /// No contacts yet. `fabric` is that of the same contacts.
+    /// An empty sum. `fabric` is that of the same contacts.
     pub fn new(among: Among, fabric: &Fabric) -> Self {
         Self {
             among,
@@ -160,10 +159,10 @@ impl ForceFabricSum {
         }
     }
 
-    /// Adds these contacts.
+    /// Adds contacts.
     ///
     /// # Errors
-    /// A contact of a particle that does not exist.
+    /// If a contact refers to a particle that does not exist.
     pub fn add_contacts(
         &mut self,
         contacts: &ContactTable,
@@ -173,7 +172,7 @@ impl ForceFabricSum {
             let normal = &contacts.normal[row];
             let density = 1.0 + normal.dot(&(self.anisotropy * normal));
             self.smallest_density = self.smallest_density.min(density);
-            // A density of zero or less ends in `None`; its quotient could not be summed.
+            // With a density of zero or less the result is `None`; its quotient could not be summed.
             if density > 0.0 {
                 let weight = 0.5 * halves as f64 / density;
                 self.normal.add_outer(&(normal * (contacts.normal_force[row] * weight)), normal);
@@ -187,8 +186,8 @@ impl ForceFabricSum {
         })
     }
 
-    /// The anisotropy of forces. `None` without contacts or forces, and where a few contacts are so
-    /// anisotropic that the second-order density of normals is not positive for one of them.
+    /// Anisotropy of forces. `None` without contacts or forces, or if the second-order density of normals is not
+    /// positive for a contact, which happens for few, very anisotropic contacts.
     pub fn finish(&self) -> Option<ForceFabric> {
         let contacts = 0.5 * self.halves as f64;
         if self.halves == 0 || self.smallest_density <= 0.0 {
@@ -208,7 +207,7 @@ impl ForceFabricSum {
     }
 }
 
-/// The anisotropy of contact forces.
+/// Anisotropy of contact forces.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ForceFabric {
     /// `f_0 = χ^n_ii`, the mean normal force over all directions [N].
@@ -220,10 +219,10 @@ pub struct ForceFabric {
     /// `a^t_ij`.
     #[serde(with = "rows")]
     pub shear_anisotropy: Mat3,
-    /// `a^bn_ij`, of the branches' parts along the normals.
+    /// `a^bn_ij`, for the branches along the normals.
     #[serde(with = "rows")]
     pub branch_normal_anisotropy: Mat3,
-    /// `a^bt_ij`, of those across.
+    /// `a^bt_ij`, for the branches across the normals.
     #[serde(with = "rows")]
     pub branch_shear_anisotropy: Mat3,
 }
@@ -231,20 +230,20 @@ pub struct ForceFabric {
 /// Degrees of anisotropy.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Degrees {
-    /// Of normals.
+    /// Anisotropy of normals.
     pub a_c: f64,
-    /// Of normal forces.
+    /// Anisotropy of normal forces.
     pub a_n: f64,
-    /// Of shear forces.
+    /// Anisotropy of shear forces.
     pub a_t: f64,
-    /// Of branches along the normals.
+    /// Anisotropy of branches along the normals.
     pub a_bn: f64,
-    /// Of branches across.
+    /// Anisotropy of branches across the normals.
     pub a_bt: f64,
 }
 
 impl Degrees {
-    /// All of them, see [`degree`].
+    /// All degrees, see [`degree`].
     pub fn new(fabric: &Fabric, forces: &ForceFabric, stress: Option<&Stress>) -> Self {
         Self {
             a_c: degree(&fabric.anisotropy(), stress),
@@ -255,17 +254,16 @@ impl Degrees {
         }
     }
 
-    /// `q/p` as the stress-force-fabric relation has it, `2/5 (a_c + a_n + a_bn + 3/2 (a_t + a_bt))`.
+    /// `q/p` from the stress-force-fabric relation, `2/5 (a_c + a_n + a_bn + 3/2 (a_t + a_bt))`.
     pub fn stress_ratio(&self) -> f64 {
         0.4 * (self.a_c + self.a_n + self.a_bn + 1.5 * (self.a_t + self.a_bt))
     }
 }
 
-/// Normals and forces by their angle to the vertical (z), averaged over the azimuth: the
-/// roses of figs. 12 and 14 of Lai et al. 2021.
+/// Normals and forces by their angle to the vertical (z), averaged over the azimuth: the roses of figs. 12 and
+/// 14 of Lai et al. 2021.
 ///
-/// A contact's normal has no sign: each is taken with the sign that points up, so that angles run
-/// from 0 (vertical) to π/2 (horizontal).
+/// Normals have no sign and are turned upwards, so that angles run from 0 (vertical) to π/2 (horizontal).
 #[derive(Clone, Debug, Default)]
 pub struct RoseSum {
     among: Among,
@@ -280,15 +278,15 @@ struct RoseBin {
 }
 
 impl RoseSum {
-    /// No contacts yet.
+    /// An empty sum.
     pub fn new(among: Among) -> Self {
         Self { among, ..Self::default() }
     }
 
-    /// Adds these contacts.
+    /// Adds contacts.
     ///
     /// # Errors
-    /// A contact of a particle that does not exist.
+    /// If a contact refers to a particle that does not exist.
     pub fn add_contacts(
         &mut self,
         contacts: &ContactTable,
@@ -303,7 +301,8 @@ impl RoseSum {
             bin.halves += halves;
             bin.normal_force.add(weight * contacts.normal_force[row]);
             if ring > 0.0 {
-                // Towards the pole along the meridian; A's force on B turns with the normal.
+                // Along the meridian towards the pole; the sign of the force of A on B changes with that of the
+                // normal.
                 let to_pole =
                     Vec3::new(-normal.x * normal.z / ring, -normal.y * normal.z / ring, ring);
                 bin.shear_force.add(weight * up * contacts.shear_force[row].dot(&to_pole));
@@ -311,7 +310,7 @@ impl RoseSum {
         })
     }
 
-    /// The roses.
+    /// Roses of the sum.
     pub fn finish(&self) -> Rose {
         let contacts = 0.5 * self.bins.iter().map(|bin| bin.halves).sum::<u64>() as f64;
         let mean = |sum: &ExactSum, bin: &RoseBin| quotient(sum.value(), 0.5 * bin.halves as f64);
@@ -328,8 +327,8 @@ impl RoseSum {
     }
 }
 
-/// Normals and forces by their angle to the vertical, in [`Rose::BINS`] equal steps from 0 to π/2; `None`
-/// where a bin has no contacts.
+/// Normals and forces by their angle to the vertical, in [`Rose::BINS`] equal steps from 0 to π/2; `None` for a
+/// bin without contacts.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rose {
     /// Density of normals over that of an isotropic packing, `4π E(θ)`.
@@ -337,13 +336,13 @@ pub struct Rose {
     /// Mean normal force [N].
     #[serde(rename = "normal_force_n")]
     pub normal_force: Vec<Option<f64>>,
-    /// Mean tangential force towards the vertical, of the lower end on the upper [N].
+    /// Mean tangential force towards the vertical, of the lower body on the upper [N].
     #[serde(rename = "shear_force_n")]
     pub shear_force: Vec<Option<f64>>,
 }
 
 impl Rose {
-    /// Steps from vertical to horizontal.
+    /// Number of steps from vertical to horizontal.
     pub const BINS: usize = 9;
     /// Width of a step [rad].
     pub const STEP: f64 = std::f64::consts::FRAC_PI_2 / Self::BINS as f64;
@@ -352,21 +351,21 @@ impl Rose {
         ((angle / Self::STEP) as usize).min(Self::BINS - 1)
     }
 
-    /// The share of the upper half sphere in a bin.
+    /// Share of the upper half sphere in a bin.
     fn share_of_sphere(bin: usize) -> f64 {
         let edge = |k: usize| (k as f64 * Self::STEP).cos();
         edge(bin) - edge(bin + 1)
     }
 
-    /// The second-order density or normal force about the vertical, over its mean:
-    /// `1 + a_zz P_2(cos θ)`, which is the average of `1 + a:nn` over the azimuth.
+    /// Second-order density or normal force by the angle to the vertical, over its mean: `1 + a_zz P_2(cos θ)`,
+    /// the average of `1 + a:nn` over the azimuth.
     pub fn normal_fit(anisotropy: &Mat3, angle: f64) -> f64 {
         let (sine, cosine) = angle.sin_cos();
         1.0 + anisotropy.m33 * (cosine * cosine - 0.5 * sine * sine)
     }
 
-    /// The second-order shear force towards the vertical, over `f_0`: `3/2 a^t_zz sin θ cos θ`, the
-    /// average of `a^t n` along the meridian over the azimuth.
+    /// Second-order shear force towards the vertical, over `f_0`: `3/2 a^t_zz sin θ cos θ`, the average of
+    /// `a^t n` along the meridian over the azimuth.
     pub fn shear_fit(anisotropy: &Mat3, angle: f64) -> f64 {
         let (sine, cosine) = angle.sin_cos();
         1.5 * anisotropy.m33 * sine * cosine

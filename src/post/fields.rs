@@ -6,23 +6,25 @@
 //! |---|---|---|
 //! | density | kg/m³ | `ρ = Σ m_i φ(r - x_i)` |
 //! | solid fraction | | `Σ V_i φ(r - x_i)` |
-//! | velocity | m/s | `V = Σ m_i v_i φ(r - x_i) / ρ`, 0 where no grain is near |
+//! | velocity | m/s | `V = Σ m_i v_i φ(r - x_i) / ρ`, 0 where no particle is near |
 //! | stress of contacts | Pa | `Σ f_i l_j ∫₀¹ φ(r - x_A - s l) ds`, over contacts |
 //! | stress of the motion | Pa | `Σ m_i v'_i v'_j φ(r - x_i)` with `v' = v - V(r)` |
 //!
-//! `f` is the force of A on B and `l` the branch from the centre of A to that of B, of a contact with a wall to the contact
-//! point (Weinhart et al. 2012, DOI 10.1007/s10035-012-0317-4). Compression is positive. With `w` the width, `φ` is
+//! `f` is the force of A on B. `l` is the branch from the centre of A to that of B, or to the contact point with a wall (Weinhart
+//! et al. 2012, DOI 10.1007/s10035-012-0317-4). Compression is positive. With `w` the width, `φ` is
 //!
-//! * Lucy's: `(1 + 3q) (1 - q)³` with `q = r / 2w` below 1, else 0; or
-//! * Gauss': `exp(-r² / 2w²)` up to `r = 3w`.
+//! * Lucy's polynomial: `(1 + 3q) (1 - q)³` with `q = r / 2w` below 1, otherwise 0; or
+//! * a Gaussian: `exp(-r² / 2w²)` up to `r = 3w`.
 //!
-//! The weights of one grain, or of one point of a branch, on all middles of cells around it are made to add up to 1; of a sheared cell,
-//! where images have slid and see other places between the middles, those of a grain and its images together. So the integral of a
-//! field over the grid (sum over cells, times their volume) is the sum over the grains to rounding, whatever the width: total mass,
-//! total momentum, and `Σ f_i l_j`, which is volume times stress of the report. The integral along a branch is taken at four points (Gauss
-//! and Legendre) of each of its parts, which are as long as the width at most.
+//! The weights of one particle, or of one point of a branch, at the centres of all cells around it are scaled to add up to 1. In
+//! a sheared cell the images have slid relative to each other; there the weights of a particle and its images add up to 1
+//! together. Therefore the integral of a field over the grid (sum over cells times their volume) equals the sum over the
+//! particles up to rounding, for any width. This holds for mass, momentum and `Σ f_i l_j`, which is volume times stress of the
+//! report. The integral along a branch uses Gauss-Legendre quadrature with four points on each of its parts, which are at most as
+//! long as the width.
 //!
-//! Without a region the grid reaches as far as the weights do. In a region grains outside of it count where their weights reach into it.
+//! Without a region the grid extends to the range of the weights. In a region, particles outside count if their weights reach
+//! into it.
 
 use super::check;
 use super::errors::MeasureError;
@@ -40,7 +42,7 @@ use serde::Serialize;
 use std::io;
 use std::path::Path;
 
-/// How a grain is spread over its neighbourhood.
+/// Weight function that spreads a particle over its neighbourhood.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Weight {
     /// Lucy's polynomial, 0 beyond twice the width.
@@ -51,7 +53,7 @@ pub enum Weight {
 }
 
 impl Weight {
-    /// How far it reaches [m].
+    /// Range of the weight [m].
     pub fn range(self, width: f64) -> f64 {
         match self {
             Self::Lucy => 2.0 * width,
@@ -59,7 +61,7 @@ impl Weight {
         }
     }
 
-    /// At a distance [m], up to a constant.
+    /// Weight at a distance [m], up to a constant factor.
     fn at(self, distance: f64, width: f64) -> f64 {
         if distance >= self.range(width) {
             return 0.0;
@@ -74,44 +76,44 @@ impl Weight {
     }
 }
 
-/// What is asked for, in metres.
+/// Settings of coarse graining, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Smoothing {
-    /// The weight.
+    /// Weight function.
     pub weight: Weight,
-    /// Its width [m].
+    /// Width of the weight [m].
     pub width: f64,
-    /// Sides of a cell [m] at most; the width at most.
+    /// Largest side of a cell [m]; no larger than the width.
     pub side: f64,
 }
 
 /// Fields of a snapshot. All lists are by cell.
 #[derive(Clone, Debug)]
 pub struct Fields {
-    /// Where.
+    /// Grid of the fields.
     pub grid: Grid,
-    /// When [s].
+    /// Time [s].
     pub time: f64,
-    /// [kg/m³].
+    /// Density [kg/m³].
     pub density: Vec<f64>,
-    /// [-].
+    /// Solid fraction [-].
     pub solid_fraction: Vec<f64>,
-    /// [m/s].
+    /// Velocity [m/s].
     pub velocity: Vec<Vec3>,
-    /// [Pa].
+    /// Stress of contacts [Pa].
     pub contact_stress: Vec<Mat3>,
-    /// [Pa].
+    /// Stress of the motion [Pa].
     pub kinetic_stress: Vec<Mat3>,
 }
 
-/// Points and shares of the integral from 0 to 1 along a branch of this length [m], for a weight of this width [m].
+/// Points and weights of the integral from 0 to 1 along a branch of this length [m], for a weight of this width [m].
 fn along(length: f64, width: f64) -> impl Iterator<Item = (f64, f64)> {
     let parts = (length / width).ceil().max(1.0);
     let points = move |k: usize| FOUR.map(|(s, share)| ((k as f64 + s) / parts, share / parts));
     (0..parts as usize).flat_map(points)
 }
 
-/// Points and shares of the integral from 0 to 1 by Gauss and Legendre.
+/// Points and weights of Gauss-Legendre quadrature from 0 to 1.
 const FOUR: [(f64, f64); 4] = [
     (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
     (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
@@ -120,10 +122,10 @@ const FOUR: [(f64, f64); 4] = [
 ];
 
 impl Fields {
-    /// Of a snapshot. The sums go through its rows in their order, that of the ids.
+    /// Fields of a snapshot. Sums are taken in the order of the rows, that of the ids.
     ///
     /// # Errors
-    /// A file that cannot be read or makes no sense, a region without grains, a width that does not fit.
+    /// If a file cannot be read or is invalid, the region has no particles, or the width does not fit.
     pub fn of(reader: &Reader, region: Region, how: Smoothing) -> Result<Self, MeasureError> {
         let header = reader.header();
         region.check(header)?;
@@ -194,7 +196,7 @@ impl Fields {
         }
     }
 
-    /// From sums to fields.
+    /// Converts sums to fields.
     fn finish(&mut self) {
         let per_volume = 1.0 / self.grid.volume();
         for cell in 0..self.grid.len() {
@@ -219,7 +221,7 @@ impl Fields {
         self.density.iter().sum::<f64>() * self.grid.volume()
     }
 
-    /// The columns: name, numbers in a row, unit, numbers.
+    /// Columns: name, numbers in a row, unit, numbers.
     fn columns(&self) -> [(&'static str, usize, &'static str, Vec<f64>); 6] {
         let rows = |tensors: &[Mat3]| {
             tensors.iter().flat_map(|t| t.transpose().as_slice().to_vec()).collect()
@@ -236,10 +238,10 @@ impl Fields {
         ]
     }
 
-    /// Writes them as the cells of an image in VTKHDF, for ParaView.
+    /// Writes the fields as the cells of an image in VTKHDF, for ParaView.
     ///
     /// # Errors
-    /// What the system says.
+    /// If the file cannot be written.
     pub fn write_vtkhdf(&self, path: &Path) -> Result<(), SnapshotError> {
         let mut alone = Alone::default();
         let bytes = (self.grid.len() * 24 * size_of::<f64>()) as u64;
@@ -261,7 +263,7 @@ impl Fields {
         file.close()
     }
 
-    /// The same for programs that read the XML files of VTK.
+    /// The fields for the XML files of VTK.
     pub fn image_data(&self) -> ImageData {
         ImageData {
             time: self.time,
@@ -276,10 +278,10 @@ impl Fields {
         }
     }
 
-    /// Writes the cells that some grain or branch reaches, one a row.
+    /// Writes the cells that a particle or branch reaches, one per row.
     ///
     /// # Errors
-    /// The writer's.
+    /// If the writer fails.
     pub fn write_csv(&self, out: impl io::Write) -> csv::Result<()> {
         let mut table = csv::Writer::from_writer(out);
         let is_reached =
@@ -315,7 +317,7 @@ impl Fields {
     }
 }
 
-/// A cell in `fields_STEP.csv`; of the stress of contacts the symmetric part.
+/// A cell in `fields_STEP.csv`, with the symmetric part of the stress of contacts.
 #[derive(Serialize)]
 struct Row {
     x_m: f64,
@@ -341,7 +343,7 @@ struct Row {
     kinetic_yz_pa: f64,
 }
 
-/// Cells must resolve the weight, and only one image of a grain may be near a place.
+/// Checks that the cells resolve the weight, and that at most one image of a particle is near any place.
 fn check_width(header: &Header, how: Smoothing) -> Result<(), MeasureError> {
     let Smoothing { weight, width, side } = how;
     if !(width > 0.0 && width.is_finite()) {
@@ -361,7 +363,7 @@ fn check_width(header: &Header, how: Smoothing) -> Result<(), MeasureError> {
     }
 }
 
-/// The box that the weights of all grains and branches reach; along a periodic axis the period.
+/// Box within the range of the weights of all particles and branches; along a periodic axis the period.
 fn reached(reader: &Reader, range: f64) -> Result<Bounds, MeasureError> {
     let header = reader.header();
     let (mut low, mut high) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
@@ -384,25 +386,25 @@ fn reached(reader: &Reader, range: f64) -> Result<Bounds, MeasureError> {
     Ok(Bounds { low, high })
 }
 
-/// Spreads points over cells.
+/// Distributes points over cells.
 struct Spread {
     grid: Grid,
     how: Smoothing,
-    /// To all images, and how fast they move against the body.
+    /// Shift to each image [m], and its velocity relative to the body [m/s].
     images: Vec<(Vec3, Vec3)>,
-    /// Of a sheared cell.
+    /// Seam of a sheared cell.
     seam: Option<Seam>,
-    /// Weights of the cells around a point; cells beyond the grid have none of its indices.
+    /// Weights of the cells around a point; `None` for cells beyond the grid.
     near: Vec<(Option<usize>, f64)>,
 }
 
-/// Where images of a sheared cell meet that have slid along each other: cells of either side belong to other images, whose weights do
-/// not add up to 1 each.
+/// Boundary of a sheared cell at which images have slid along each other. Cells on either side belong to different images, whose
+/// weights do not add up to 1 separately.
 struct Seam {
     across: usize,
     /// Ends of the period [m].
     ends: [f64; 2],
-    /// To one image of each side and to the body [m].
+    /// Shift to one image on each side, and to the body [m].
     shifts: Vec<Vec3>,
 }
 
@@ -411,7 +413,7 @@ impl Seam {
         let cell = &header.cell;
         let shear = cell.shear()?;
         let across = shear.across;
-        // Those that are shifted along the seam, too, see the same places between middles.
+        // Images that are also shifted along the seam lie alike relative to the centres of cells.
         let is_first =
             |shift: &Vec3| (0..3).all(|k| k == across || k == shear.along || shift[k] == 0.0);
         let mut shifts: Vec<Vec3> = cell.shifts().into_iter().filter(is_first).collect();
@@ -421,7 +423,7 @@ impl Seam {
         Some(Self { across, ends: [low[across], high[across]], shifts })
     }
 
-    /// The weights of a point and its images on all middles of cells in the period.
+    /// Sum of the weights of a point and its images at the centres of all cells in the period.
     fn sum(&self, grid: &Grid, how: Smoothing, point: &Vec3) -> f64 {
         let mut sum = 0.0;
         let range = how.weight.range(how.width);
@@ -441,8 +443,8 @@ impl Seam {
     }
 }
 
-/// Tells of the cells around a place, seen from the corner of the grid [m]: their indices along the axes, also beyond the grid, and the
-/// weight at their middles.
+/// Calls `tell` for the cells around a place, given from the corner of the grid [m]. Arguments are the indices, also beyond the
+/// grid, and the weight at the centre of the cell.
 fn around(grid: &Grid, how: Smoothing, place: &Vec3, mut tell: impl FnMut([i64; 3], f64)) {
     let (sides, range) = (grid.sides, how.weight.range(how.width));
     let first: [i64; 3] = [0, 1, 2].map(|k| ((place[k] - range) / sides[k] - 0.5).ceil() as i64);
@@ -467,11 +469,12 @@ impl Spread {
         Self { grid, how, images, seam: Seam::of(header), near: Vec::new() }
     }
 
-    /// Tells of every cell near a point or an image of it: which, its share, and the velocity of the image against the body.
+    /// Calls `tell` for every cell near a point or an image of it. Arguments are the cell, its share, and the velocity of the
+    /// image relative to the body.
     fn point(&mut self, point: &Vec3, mut tell: impl FnMut(usize, f64, Vec3)) {
         let range = self.how.weight.range(self.how.width);
         let Self { grid, how, images, seam, near } = self;
-        // Only of a point that is near the grid.
+        // Computed only for a point near the grid.
         let mut of_all = None;
         for (shift, velocity) in images {
             let place = point + *shift - grid.low;

@@ -1,12 +1,14 @@
-//! How many grains pass a plane or leave through an outlet, and how fast.
+//! Flow of particles through a plane or an outlet, and its rate.
 //!
-//! The rate is the slope of the line of least squares through what has passed by then, over the rows in a window of time. Beside it stand
-//! the rates of the two halves of the window, which are the same in steady flow.
+//! The rate is the slope of a least-squares line through the cumulative flow, over the rows in a window of time. The rates of the
+//! two halves of the window are given as well; they agree in steady flow.
 //!
-//! **A plane** across x, y or z, from snapshots: a grain has passed when its centre was before the plane in one snapshot and is
-//! behind it in the next; one that goes back is taken off. A grain that was before the plane and is gone in the next counts as passed: an
-//! outlet behind the plane has taken it. One that is new counts as not passed. If an inlet is before the plane, grains that appear and
-//! pass it between two snapshots are missed; how many were behind it when first seen is told ([`ThroughPlane::new_behind`]).
+//! **A plane** across x, y or z, from snapshots: a particle has passed if its centre was before the plane in one snapshot and is
+//! behind it in the next; a return is subtracted. A particle that was before the plane and is gone in the next snapshot counts as
+//! passed, as an outlet behind the plane has taken it. A new particle does not count. With an inlet before the plane, particles
+//! that appear and pass between two snapshots are missed; [`ThroughPlane::new_behind`] counts those that were behind it when
+//! first seen.
+//!
 //! **An outlet**, from the columns `left_NAME` and `left_NAME_kg` of `history.csv`.
 
 use super::check;
@@ -21,30 +23,30 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-/// What grains pass.
+/// Place where the flow is measured.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Gate {
     /// A plane.
     Plane(Plane),
-    /// An outlet of the scene, by its name.
+    /// An outlet of the scene, by name.
     Outlet(String),
 }
 
-/// A plane across x, y or z, and the way through it.
+/// A plane across x, y or z, with the direction of passage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
-    /// Across which axis.
+    /// Axis across which the plane lies.
     pub axis: usize,
-    /// Where [m].
+    /// Position of the plane [m].
     pub at: f64,
-    /// Whether towards higher values.
+    /// Whether passage is towards higher values.
     pub up: bool,
 }
 
 impl FromStr for Gate {
     type Err = String;
 
-    /// `-z=0.05` is the plane z = 0.05 m, passed downwards; `outlet:NAME` an outlet.
+    /// Parses `-z=0.05`, the plane z = 0.05 m passed downwards, or `outlet:NAME`, an outlet.
     fn from_str(text: &str) -> Result<Self, String> {
         let wrong = || "write -z=0.05, +x=0 or outlet:NAME".to_owned();
         if let Some(name) = text.strip_prefix("outlet:").filter(|name| !name.is_empty()) {
@@ -62,7 +64,7 @@ impl FromStr for Gate {
     }
 }
 
-/// From when to when [s], both included.
+/// Window of time [s], both ends included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
     /// Begin [s].
@@ -84,12 +86,12 @@ impl FromStr for Window {
     }
 }
 
-/// What has passed by a time.
+/// Cumulative flow at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Passed {
-    /// When [s].
+    /// Time [s].
     pub time_s: f64,
-    /// Grains.
+    /// Number of particles.
     pub grains: f64,
     /// Mass [kg].
     pub mass_kg: f64,
@@ -100,32 +102,32 @@ pub struct Passed {
 pub struct Rate {
     /// Time of the first and last row [s].
     pub window: Window,
-    /// Rows.
+    /// Number of rows.
     pub rows: usize,
-    /// Grains per second.
+    /// Number rate [1/s].
     pub grains: f64,
-    /// [kg/s].
+    /// Mass rate [kg/s].
     pub mass: f64,
-    /// The mass by halves of the window [kg/s], if each has two rows.
+    /// Mass rates in the halves of the window [kg/s], if each has two rows.
     pub halves: Option<[f64; 2]>,
 }
 
-/// What has passed a plane, and what is doubtful about it.
+/// Flow through a plane, with the numbers of particles whose passage is uncertain.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ThroughPlane {
-    /// What has passed by each snapshot.
+    /// Cumulative flow at each snapshot.
     pub rows: Vec<Passed>,
-    /// Grains that came between two snapshots and were behind the plane when first seen. They do not count: where they
-    /// came is not known.
+    /// Number of particles that appeared between two snapshots and were behind the plane when first seen. They do not count:
+    /// their origin is unknown.
     pub new_behind: u64,
-    /// Grains that were before the plane when last seen and went between two snapshots. They count as passed.
+    /// Number of particles that were before the plane when last seen and disappeared between two snapshots. They count as passed.
     pub gone_before: u64,
 }
 
-/// What has passed a plane in a series of snapshots; the first has nothing.
+/// Flow through a plane in a series of snapshots; it is zero at the first.
 ///
 /// # Errors
-/// A file that cannot be read or makes no sense, a periodic axis, fewer than two snapshots.
+/// If a file cannot be read or is invalid, the axis is periodic, or there are fewer than two snapshots.
 pub fn through_plane(
     readers: impl Iterator<Item = Result<Reader, MeasureError>>,
     Plane { axis, at, up }: Plane,
@@ -174,10 +176,10 @@ pub fn through_plane(
     Ok(through)
 }
 
-/// What has left through an outlet, from the history of a run.
+/// Flow through an outlet, from the history of a run.
 ///
 /// # Errors
-/// No such column.
+/// If there is no such column.
 pub fn through_outlet(history: &History, name: &str) -> Result<Vec<Passed>, MeasureError> {
     let column = |name: &str| history.curves.iter().find(|curve| curve.name == name);
     let (Some(grains), Some(mass)) =
@@ -192,12 +194,12 @@ pub fn through_outlet(history: &History, name: &str) -> Result<Vec<Passed>, Meas
 }
 
 impl Rate {
-    /// In a window, or over all rows.
+    /// Rate in a window, or over all rows.
     ///
     /// # Errors
-    /// Fewer than two rows in the window.
+    /// If there are fewer than two rows in the window.
     pub fn of(rows: &[Passed], window: Option<Window>) -> Result<Self, MeasureError> {
-        // Times are multiples of a step, rounded.
+        // Times are rounded multiples of a step.
         let slack = 1e-9 * rows.last().map_or(0.0, |row| row.time_s.abs());
         let is_in = |row: &&Passed| {
             window.is_none_or(|w| w.from - slack <= row.time_s && row.time_s <= w.to + slack)
@@ -210,7 +212,7 @@ impl Rate {
             line(&rows.iter().map(|row| (row.time_s, of(row))).collect::<Vec<_>>()).0
         };
         let middle = 0.5 * (first.time_s + last.time_s);
-        // Both have the row between them, so that together they have all of the time.
+        // The row between the halves belongs to both, so that together they cover the whole time.
         let between = rows.partition_point(|row| row.time_s < middle).min(rows.len() - 1);
         let (early, late) = (&rows[..=between], &rows[between..]);
         let halves = (early.len() > 1 && late.len() > 1)

@@ -1,7 +1,7 @@
-//! How contact forces are distributed (fig. 13 of Lai et al. 2021), and how much of friction they use.
+//! Distribution of contact forces (fig. 13 of Lai et al. 2021), and mobilised friction.
 //!
-//! Contacts between particles only, unless asked otherwise. Both the normal and the tangential force are
-//! divided by the mean normal force `<f_n>`, which takes a first pass.
+//! Contacts between particles only, unless requested otherwise. Normal and tangential forces are divided by the mean normal force
+//! `<f_n>`, which takes a first pass.
 
 use super::PostError;
 use super::fabric::Among;
@@ -12,7 +12,7 @@ use crate::output::header::Header;
 use crate::output::tables::{ContactTable, ParticleTable};
 use serde::{Deserialize, Serialize};
 
-/// Adds up normal and resultant forces: the first pass.
+/// Sums of normal and resultant forces: the first pass.
 #[derive(Clone, Debug, Default)]
 pub struct MeanForceSum {
     among: Among,
@@ -23,7 +23,7 @@ pub struct MeanForceSum {
 }
 
 impl MeanForceSum {
-    /// Nothing yet.
+    /// An empty sum.
     pub fn new(among: Among) -> Self {
         Self { among, ..Self::default() }
     }
@@ -31,7 +31,7 @@ impl MeanForceSum {
     /// Adds the resultant of contacts and gravity on these particles.
     ///
     /// # Errors
-    /// A particle that `members` does not know.
+    /// If `members` does not have the particle.
     pub fn add(
         &mut self,
         header: &Header,
@@ -49,10 +49,10 @@ impl MeanForceSum {
         Ok(())
     }
 
-    /// Adds these contacts.
+    /// Adds contacts.
     ///
     /// # Errors
-    /// A contact of a particle that does not exist.
+    /// If a contact refers to a particle that does not exist.
     pub fn add_contacts(
         &mut self,
         contacts: &ContactTable,
@@ -69,15 +69,15 @@ impl MeanForceSum {
         quotient(self.normal.value(), 0.5 * self.halves as f64)
     }
 
-    /// Mean resultant force on a particle, gravity included, over the mean normal force: how
-    /// far from equilibrium the packing is; `None` where contacts do not press in the mean.
+    /// Mean resultant force on a particle, gravity included, over the mean normal force: a distance from equilibrium. `None` if
+    /// the mean normal force is not compressive.
     pub fn unbalanced_ratio(&self) -> Option<f64> {
         let resultant = quotient(self.resultant.value(), self.particles as f64)?;
         quotient(resultant, self.mean_normal_force().filter(|&mean| mean > 0.0)?)
     }
 }
 
-/// Counts in bins. A contact that the region's border cuts counts half.
+/// Counts in bins. A contact across the border of the region counts half.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Histogram {
     /// Edges of the bins, ascending, one more than bins.
@@ -117,17 +117,17 @@ impl Histogram {
         }
     }
 
-    /// All half contacts, in and out of the bins.
+    /// Number of all half contacts, in and out of the bins.
     pub fn total_halves(&self) -> u64 {
         self.halves.iter().sum::<u64>() + self.halves_below + self.halves_above
     }
 
-    /// The share at the last edge and above, which the bins leave out; `None` if nothing is there.
+    /// Share at the last edge and above, not in the bins; `None` if it is zero.
     pub fn share_above(&self) -> Option<f64> {
         quotient(self.halves_above as f64, self.total_halves() as f64).filter(|&share| share > 0.0)
     }
 
-    /// The geometric middle of each bin and its share by factor of ten: of logarithmic bins the integral over the decimal logarithm
+    /// Geometric middle of each bin and its share per factor of ten. For logarithmic bins the integral over the decimal logarithm
     /// of all values is 1.
     pub fn share_per_decade(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let total = self.total_halves() as f64;
@@ -138,7 +138,7 @@ impl Histogram {
         })
     }
 
-    /// The middle of each bin and its probability density: the integral over all values is 1.
+    /// Middle of each bin and its probability density: the integral over all values is 1.
     pub fn density(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let total = self.total_halves() as f64;
         self.halves.iter().zip(self.edges.windows(2)).map(move |(&halves, edge)| {
@@ -151,7 +151,7 @@ impl Histogram {
 /// A contact is weak if its normal force is below this share of the mean (Lai et al. 2021, section 3.4).
 pub const WEAK: f64 = 0.3;
 
-/// Counts contacts by force: the second pass.
+/// Counts of contacts by force: the second pass.
 #[derive(Clone, Debug)]
 pub struct ForceCount {
     among: Among,
@@ -165,7 +165,7 @@ pub struct ForceCount {
 }
 
 impl ForceCount {
-    /// No contacts yet. `mean` is `<f_n>` of the same contacts [N].
+    /// An empty count. `mean` is `<f_n>` of the same contacts [N].
     pub fn new(among: Among, mean: f64) -> Self {
         Self {
             among,
@@ -179,10 +179,10 @@ impl ForceCount {
         }
     }
 
-    /// Adds these contacts.
+    /// Adds contacts.
     ///
     /// # Errors
-    /// A contact of a particle that does not exist.
+    /// If a contact refers to a particle that does not exist.
     pub fn add_contacts(
         &mut self,
         contacts: &ContactTable,
@@ -192,7 +192,7 @@ impl ForceCount {
         self.among.each(contacts, members, |row, halves| {
             let normal = contacts.normal_force[row];
             let shear = contacts.shear_force[row].norm();
-            // Over a mean that pulls, weak would be strong.
+            // With a tensile mean, weak contacts would be counted as strong.
             let presses = self.mean > 0.0;
             let over_mean = |force| quotient(force, self.mean).filter(|_| presses);
             if let (Some(n), Some(t)) = (over_mean(normal), over_mean(shear)) {
@@ -206,7 +206,7 @@ impl ForceCount {
             }
             forces.largest_normal_force = forces.largest_normal_force.max(normal);
             if let Some(ratio) = quotient(shear, normal).filter(|_| normal > 0.0) {
-                // Where a contact slides the ratio is the coefficient but for rounding, and that an edge.
+                // For a sliding contact the ratio is the friction coefficient up to rounding, and can lie on an edge of a bin.
                 forces.friction_used.add(ratio * (1.0 + 1e-9), halves);
                 forces.largest_friction_used = forces.largest_friction_used.max(ratio);
                 self.ratio_sum.add(0.5 * halves as f64 * ratio);
@@ -215,7 +215,7 @@ impl ForceCount {
         })
     }
 
-    /// The distributions.
+    /// Distributions of the counted contacts.
     pub fn finish(self) -> Forces {
         let share = |halves: u64| quotient(halves as f64, self.halves as f64);
         Forces {
@@ -227,10 +227,10 @@ impl ForceCount {
     }
 }
 
-/// The distributions of contact forces.
+/// Distributions of contact forces.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Forces {
-    /// `f_n / <f_n>`, linear bins. This and the next three are empty where contacts do not press in the mean.
+    /// `f_n / <f_n>`, linear bins. This and the next three are empty if the mean normal force is not compressive.
     pub normal: Histogram,
     /// `f_n / <f_n>`, logarithmic bins.
     pub normal_logarithmic: Histogram,
@@ -238,12 +238,11 @@ pub struct Forces {
     pub shear: Histogram,
     /// `|f_t| / <f_n>`, logarithmic bins.
     pub shear_logarithmic: Histogram,
-    /// `|f_t| / f_n`, the friction that a contact uses; a sliding contact has the coefficient of
-    /// friction here. Contacts with `f_n > 0`.
+    /// `|f_t| / f_n`, the mobilised friction; a sliding contact has its friction coefficient here. Contacts with `f_n > 0`.
     pub friction_used: Histogram,
-    /// Share of contacts with `f_n < 0.3 <f_n>`; `None` without contacts, or if they do not press in the mean.
+    /// Share of contacts with `f_n < 0.3 <f_n>`; `None` without contacts, or if the mean is not compressive.
     pub weak_share: Option<f64>,
-    /// Share of contacts with `f_n < <f_n>`; `None` as above.
+    /// Share of contacts with `f_n < <f_n>`; `None` as for `weak_share`.
     pub below_mean_share: Option<f64>,
     /// Mean of `|f_t| / f_n`; `None` without contacts.
     pub mean_friction_used: Option<f64>,

@@ -1,4 +1,4 @@
-//! A box cut into equal cells.
+//! A box divided into equal cells.
 
 use super::errors::MeasureError;
 use super::region::Bounds;
@@ -11,28 +11,28 @@ pub struct Grid {
     pub low: Vec3,
     /// Sides of a cell [m].
     pub sides: Vec3,
-    /// How many along x, y, z.
+    /// Number of cells along x, y, z.
     pub cells: [usize; 3],
 }
 
-/// So many cells at most: some gigabytes of fields.
+/// Largest number of cells: some gigabytes of fields.
 const MOST: f64 = 2e7;
 
 impl Grid {
-    /// Cells of about this side [m], whole ones in the box.
+    /// Whole cells of about this side [m] in the box.
     ///
     /// # Errors
-    /// A box without volume, or too many cells.
+    /// If the box has no volume, or there are too many cells.
     pub fn of(bounds: &Bounds, side: f64) -> Result<Self, MeasureError> {
         Self::with(bounds, side, f64::round)
     }
 
-    /// Cells of this side at most [m], whole ones in the box.
+    /// Whole cells of at most this side [m] in the box.
     ///
     /// # Errors
-    /// As [`Grid::of`].
+    /// See [`Grid::of`].
     pub fn of_at_most(bounds: &Bounds, side: f64) -> Result<Self, MeasureError> {
-        // Whole numbers, but for rounding, stay.
+        // Whole numbers up to rounding are kept.
         Self::with(bounds, side, |cells| (cells * (1.0 - 1e-9)).ceil())
     }
 
@@ -58,10 +58,10 @@ impl Grid {
         }
     }
 
-    /// With so many cells more on each side, where these are, that a box lies in it. Cells stay where they are.
+    /// The grid extended by whole cells on each side until the box lies in it. Existing cells stay in place.
     ///
     /// # Errors
-    /// Too many cells.
+    /// If there are too many cells.
     pub fn reaching(&self, bounds: &Bounds) -> Result<Self, MeasureError> {
         let counts = Vec3::from(self.cells.map(|cells| cells as f64));
         let high = self.low + counts.component_mul(&self.sides);
@@ -72,10 +72,11 @@ impl Grid {
         Self::of_counts(low, self.sides, &(counts + below + above))
     }
 
-    /// With a face across an axis at this place [m], and a cell more on the side that is bared.
+    /// The grid shifted to have a face across an axis at this place [m], with one more cell to cover the
+    /// uncovered side.
     ///
     /// # Errors
-    /// Too many cells.
+    /// If there are too many cells.
     pub fn with_face(&self, axis: usize, place: f64) -> Result<Self, MeasureError> {
         let side = self.sides[axis];
         let faces = (place - self.low[axis]) / side;
@@ -86,12 +87,12 @@ impl Grid {
         Self::of_counts(low, self.sides, &counts)
     }
 
-    /// How many cells.
+    /// Number of cells.
     pub fn len(&self) -> usize {
         self.cells.iter().product()
     }
 
-    /// Never: there is a cell at least.
+    /// Always false: there is at least one cell.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -101,26 +102,26 @@ impl Grid {
         self.sides.product()
     }
 
-    /// The middle of a cell [m].
+    /// Centre of a cell [m].
     pub fn centre(&self, cell: usize) -> Vec3 {
         let [x, y, _] = self.cells;
         let place = [cell % x, cell / x % y, cell / x / y];
         self.low + Vec3::from_fn(|k, _| (place[k] as f64 + 0.5) * self.sides[k])
     }
 
-    /// The cell with these indices along the axes, if there is one.
+    /// Cell with these indices along the axes, if there is one.
     pub fn cell(&self, place: [i64; 3]) -> Option<usize> {
         let inside = (0..3).all(|k| (0..self.cells[k] as i64).contains(&place[k]));
         let [x, y, z] = place.map(|index| index as usize);
         inside.then(|| (z * self.cells[1] + y) * self.cells[0] + x)
     }
 
-    /// The cell that a point lies in, if there is one.
+    /// Cell that contains a point, if there is one.
     pub fn cell_at(&self, point: &Vec3) -> Option<usize> {
         self.cell(self.place_of(point))
     }
 
-    /// The cell that a point lies in; of one outside, the nearest along each axis.
+    /// Cell that contains a point; for a point outside, the nearest along each axis.
     pub fn nearest_cell(&self, point: &Vec3) -> Option<usize> {
         let place = self.place_of(point);
         self.cell([0, 1, 2].map(|k| place[k].clamp(0, self.cells[k] as i64 - 1)))

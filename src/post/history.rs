@@ -1,21 +1,21 @@
-//! The table of a run's scalars by time, `history.csv`: every numeric column, whatever a scene wrote.
+//! The table of a run's scalars by time, `history.csv`: every numeric column of any scene.
 
 use crate::output::growing::whole_lines;
 use std::io::Read;
 
-/// Why a history could not be read.
+/// Errors of reading a history.
 #[derive(Debug, thiserror::Error)]
 pub enum HistoryError {
-    /// The system says so.
+    /// The file cannot be read.
     #[error("cannot be read: {0}")]
     Unreadable(#[from] std::io::Error),
-    /// Not a table.
+    /// The file is not a table.
     #[error("not a table of comma-separated values: {0}")]
     NotATable(#[from] csv::Error),
-    /// No column says when.
+    /// No column holds the time.
     #[error("no column named \"time\" or starting with \"time_\"; it has: {columns}")]
     NoTime {
-        /// The columns there are.
+        /// Names of the columns.
         columns: String,
     },
 }
@@ -23,22 +23,22 @@ pub enum HistoryError {
 /// Scalars by time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
-    /// The curves, in the order of the columns.
+    /// Curves, in the order of the columns.
     pub curves: Vec<Curve>,
 }
 
 /// One column over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Curve {
-    /// The column's name, which ends in its unit.
+    /// Name of the column, which ends in its unit.
     pub name: String,
     /// Time [s] and value, ascending in time as in the file.
     pub points: Vec<(f64, f64)>,
 }
 
 impl History {
-    /// Reads a table with names in its first row. Columns in which a row holds anything but a number (or
-    /// nothing) are left out, and so is the step. A line without an end is not read: a full disk or a crash cut it.
+    /// Reads a table with names in its first row. The step is left out, and so are columns in which a cell is
+    /// neither empty nor a number. A last line without an end, cut by a full disk or a crash, is not read.
     ///
     /// # Errors
     /// See [`HistoryError`].
@@ -79,7 +79,7 @@ impl History {
         Ok(Self { curves: curves.collect() })
     }
 
-    /// The last value of a column, if there is one.
+    /// Last value of a column, if there is one.
     pub fn last(&self, name: &str) -> Option<f64> {
         let curve = self.curves.iter().find(|curve| curve.name == name)?;
         Some(curve.points.last()?.1)
@@ -87,13 +87,12 @@ impl History {
 }
 
 impl Curve {
-    /// Whether it says something: not the same number throughout.
+    /// Whether the curve is not constant.
     pub fn changes(&self) -> bool {
         self.points.windows(2).any(|w| w[0].1 != w[1].1)
     }
 
-    /// At most about `limit` points that still show every peak: of each run of rows the first point, the
-    /// lowest and the highest.
+    /// At most about `limit` points that keep every peak: the first, lowest and highest point of each run of rows.
     pub fn thinned(&self, limit: usize) -> Vec<(f64, f64)> {
         let run = (3 * self.points.len()).div_ceil(limit.max(3)).max(1);
         if self.points.len() <= limit {

@@ -1,9 +1,9 @@
 //! A LAMMPS text dump of the particles, for OVITO, which reads no VTKHDF.
 //!
-//! `shapex shapey shapez` are **full axes** (diameters), as LAMMPS itself writes them since July 2020;
-//! OVITO halves them to its "Aspherical Shape", which has semi-axes. The quaternion stands in OVITO's
-//! and LAMMPS' order (x, y, z, w). Types count from 1; ids are the snapshot's, from 0. A dump has no shapes but ellipsoids: all
-//! others are drawn as the ellipsoids in their boxes ([`drawn_otherwise`]).
+//! `shapex shapey shapez` are **full axes** (diameters), as LAMMPS itself writes them since July 2020; OVITO halves them to its
+//! "Aspherical Shape", which has semi-axes. The quaternion has the order (x, y, z, w) of OVITO and LAMMPS. Types count from 1;
+//! ids are those of the snapshot, from 0. A dump has only ellipsoids: all other shapes are drawn as the ellipsoids in their
+//! boxes ([`drawn_otherwise`]).
 
 use crate::cell::Shear;
 use crate::output::header::Header;
@@ -11,19 +11,19 @@ use crate::output::tables::ParticleTable;
 use crate::shape::Kind;
 use std::io::{self, Write};
 
-/// Along and across which axes LAMMPS tilts a box: xy, xz, yz. It knows no others.
+/// Axes along and across which LAMMPS can tilt a box: xy, xz, yz.
 const TILTS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
-/// The names of shapes that are no ellipsoids, and look like some.
+/// Names of shapes that are not ellipsoids, but are drawn as such.
 pub fn drawn_otherwise(header: &Header) -> Vec<&str> {
     let is_true = |kind: &str| [Kind::Sphere, Kind::Ellipsoid].iter().any(|k| k.name() == kind);
     header.shapes.iter().filter(|row| !is_true(&row.kind)).map(|row| &*row.name).collect()
 }
 
-/// Writes what stands above the rows of atoms. Of a cell that is sheared or strained the box is tilted, if LAMMPS can.
+/// Writes the lines above the rows of atoms. The box of a sheared or strained cell is tilted, if LAMMPS can do so.
 ///
 /// # Errors
-/// The writer's.
+/// If the writer fails.
 pub fn write_header(out: &mut impl Write, header: &Header, particles: usize) -> io::Result<()> {
     let sides = header.cell.periodic().map(|periodic| if periodic { "pp" } else { "ff" });
     writeln!(out, "ITEM: TIMESTEP\n{}", header.step)?;
@@ -42,7 +42,7 @@ pub fn write_header(out: &mut impl Write, header: &Header, particles: usize) -> 
             writeln!(out, "{:e} {:e} {:e}", low[k] + least, high[k] + most, tilt)?;
         }
     } else if let Some((tilt, along)) = tilt {
-        // The box that is tilted, and the bounds around it.
+        // The tilted box, and the bounds around it.
         let slid = header.cell.slid();
         writeln!(out, "ITEM: BOX BOUNDS xy xz yz {}", sides.join(" "))?;
         for k in 0..3 {
@@ -59,10 +59,10 @@ pub fn write_header(out: &mut impl Write, header: &Header, particles: usize) -> 
     writeln!(out, "ITEM: ATOMS id type x y z quati quatj quatk quatw shapex shapey shapez vx vy vz")
 }
 
-/// Writes one row per particle, with as many digits as give the same bits back.
+/// Writes one row per particle, with enough digits to restore the bits.
 ///
 /// # Errors
-/// The writer's.
+/// If the writer fails.
 pub fn write_particles(
     out: &mut impl Write,
     header: &Header,

@@ -1,4 +1,4 @@
-//! Measures that are made when they are asked for: fields, mixing, slope, flow. Each writes a table, and a curve for the page.
+//! Measures on request: fields, mixing, slope, flow. Each writes a table, and a curve for the page.
 
 use super::draw::{Axes, BLUE, Mark, ORANGE, PlotError, SIZE, Series, chart, linear, span};
 use super::errors::MeasureError;
@@ -21,7 +21,7 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::Path;
 
-/// Which measures to make.
+/// Requested measures.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Measures for process equipment")]
 pub struct Asked {
@@ -30,7 +30,7 @@ pub struct Asked {
     #[arg(long, value_name = "WIDTH")]
     fields: Option<Margin>,
 
-    /// How --fields spreads a grain: Lucy's polynomial up to twice the width, or a Gaussian up to three times
+    /// Weight of --fields: Lucy's polynomial up to twice the width, or a Gaussian up to three times
     #[arg(long, value_enum, default_value = "lucy", requires = "fields")]
     weight: Weight,
 
@@ -57,32 +57,32 @@ pub struct Asked {
     window: Option<Window>,
 }
 
-/// What they are made of.
+/// Data for the measures.
 #[derive(Clone, Copy, Debug)]
 pub struct Source<'a> {
-    /// By step, one at least.
+    /// At least one snapshot, by step.
     pub snapshots: &'a [Snapshot],
-    /// The scalars of the run.
+    /// Scalars of the run.
     pub history: &'a History,
-    /// Where to measure.
+    /// Region and contacts to measure.
     pub choice: &'a Choice,
-    /// Whether to write files of XML, too.
+    /// Whether to write XML files, too.
     pub as_xml: bool,
 }
 
-/// What there is to show.
+/// Results to show.
 #[derive(Debug, Default)]
 pub struct Shown {
-    /// For the page.
+    /// Plots for the page.
     pub plots: Vec<Plot>,
-    /// For a terminal.
+    /// Text for a terminal.
     pub text: String,
-    /// Why measures are missing that were asked for.
+    /// Errors of requested measures that failed.
     pub failed: Vec<MeasureError>,
 }
 
 impl Asked {
-    /// Makes them, and writes their tables into a folder. One that cannot be made leaves the others alone.
+    /// Makes the requested measures and writes their tables into a folder. A failure does not affect the others.
     pub fn make(&self, source: Source, out: &Path) -> Shown {
         let mut shown = Shown::default();
         let shown_by = &mut shown;
@@ -185,7 +185,7 @@ impl Asked {
         }
         if points.len() > 1 {
             let cells = rows.last().map_or(0, |row| row.cells);
-            // More even than by chance is more than 1.
+            // A mixture more even than random has an index above 1.
             let highest = points.iter().map(|point| point.1).fold(1.0, f64::max);
             shown.plots.push(curve(
                 "mixing",
@@ -271,7 +271,7 @@ fn make_slope(
     Ok(())
 }
 
-/// What has passed, and the line that the rate is taken from.
+/// Cumulative flow, and the line whose slope is the rate.
 fn flow_plot(rows: &[Passed], rate: &Rate) -> Result<Plot, PlotError> {
     let points: Vec<_> = rows.iter().map(|row| (row.time_s, row.mass_kg)).collect();
     let axes = time_axes("mass passed (kg)", &points, span(points.iter().map(|p| p.1)));
@@ -320,7 +320,7 @@ fn curve(
     })
 }
 
-/// A length in metres, that of the first snapshot in all of a series: cells stay the same, whatever grains come and go.
+/// A length in metres, taken from the first snapshot of a series: cells stay the same when particles come and go.
 fn once(known: &mut Option<f64>, length: Margin, reader: &Reader) -> Result<f64, MeasureError> {
     if let Some(metres) = *known {
         return Ok(metres);
@@ -334,8 +334,8 @@ fn opened(snapshot: &Snapshot) -> Result<Reader, MeasureError> {
     Ok(Reader::open(&snapshot.path)?)
 }
 
-/// One after the other, each error with its file. Snapshots that have nothing to measure, as before an inlet has begun, are left out;
-/// how many is said.
+/// Measures each snapshot in turn; errors carry the name of the file. Snapshots without anything to measure, for example before
+/// an inlet begins, are skipped and counted.
 fn of_each<T>(
     source: Source,
     name: &str,

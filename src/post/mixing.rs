@@ -1,16 +1,16 @@
-//! How well two groups of grains are mixed: the index of Lacey (1954, DOI 10.1002/jctb.5010040502).
+//! Mixing of two groups of particles: the index of Lacey (1954, DOI 10.1002/jctb.5010040502).
 //!
 //! `M = (σ0² - σ²) / (σ0² - σr²)`, where
 //!
-//! * `σ² = Σ n_k (p_k - p)² / Σ n_k`: the variance of the share `p_k` of the first group over cells with `n_k` grains, each cell
-//!   weighing as many grains as it has; `p` is the share of all;
-//! * `σ0² = p (1 - p)`: that of groups that are apart;
-//! * `σr² = p (1 - p) (C - 1) / (N - 1)`: the mean of `σ²` when `N` grains are shuffled among the places they have in `C` cells. It is the
-//!   `p (1 - p) / n` of Lacey for cells that are not equally full.
+//! * `σ² = Σ n_k (p_k - p)² / Σ n_k`: variance of the share `p_k` of the first group over cells with `n_k` particles, weighted by
+//!   `n_k`; `p` is the share of all cells together;
+//! * `σ0² = p (1 - p)`: variance of separated groups;
+//! * `σr² = p (1 - p) (C - 1) / (N - 1)`: mean of `σ²` when `N` particles are shuffled among their places in `C` cells. It
+//!   replaces the `p (1 - p) / n` of Lacey for cells that are not equally full.
 //!
-//! So `M` is 0 if no cell has grains of both groups, and 1 in the mean of random mixtures. It is counted by number. A finer grid
-//! gives a lower `M` to the same unmixed state. A more even mixture than by chance has more than 1. If a plane across an axis
-//! divides the groups in the first snapshot, it is a face between cells, so that this state has 0.
+//! `M` is 0 if no cell has particles of both groups, and 1 in the mean of random mixtures. It counts particles. A finer grid
+//! gives a lower `M` for the same unmixed state. A mixture more even than random has more than 1. If a plane across an axis
+//! divides the groups in the first snapshot, it is made a face between cells, so that this state has 0.
 
 use super::check;
 use super::errors::MeasureError;
@@ -26,12 +26,12 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
-/// Which grains are the first group; all others are the second.
+/// Definition of the first group; all other particles are the second.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Groups {
-    /// Those of the shape of this name.
+    /// Particles of the shape with this name.
     Shape(String),
-    /// The half that is lower along this axis in the first snapshot.
+    /// Lower half along this axis in the first snapshot.
     Half(usize),
 }
 
@@ -50,16 +50,16 @@ impl FromStr for Groups {
     }
 }
 
-/// How mixed a snapshot is.
+/// Mixing of a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Mixing {
-    /// Its step.
+    /// Step of the snapshot.
     pub step: u64,
-    /// When [s].
+    /// Time of the snapshot [s].
     pub time_s: f64,
-    /// Grains in the cells that are of a group.
+    /// Number of particles of a group in the cells.
     pub grains: u64,
-    /// Cells with such grains.
+    /// Number of cells with such particles.
     pub cells: u64,
     /// Share of the first group.
     pub share: f64,
@@ -69,17 +69,17 @@ pub struct Mixing {
     pub variance_apart: f64,
     /// `σr²`.
     pub variance_random: f64,
-    /// `M`; nothing if all grains are in one cell or each has one to itself.
+    /// `M`; `None` if all particles are in one cell or each is alone in its cell.
     pub index: Option<f64>,
-    /// Grains of no group, as they came after the first snapshot.
+    /// Number of particles of no group, which came after the first snapshot.
     pub left_out: u64,
 }
 
-/// Who belongs to which group, and the plane between both in the first snapshot.
+/// Groups of the particles, and the plane between both in the first snapshot.
 #[derive(Clone, Debug)]
 pub struct Members {
     of: Named,
-    /// Across an axis at a place [m]; nothing if no such plane divides them.
+    /// Axis and position [m] of the plane; `None` if no such plane divides the groups.
     plane: Option<(usize, f64)>,
 }
 
@@ -87,15 +87,15 @@ pub struct Members {
 enum Named {
     /// By the name of the shape.
     Shape(String),
-    /// By the place in the first snapshot: whether a grain is of the first group. Who came later is of none.
+    /// By the place in the first snapshot: true for a particle of the first group. Later particles are not listed.
     Listed(BTreeMap<GlobalId, bool>),
 }
 
 impl Members {
-    /// As the first snapshot has them.
+    /// Groups from the first snapshot.
     ///
     /// # Errors
-    /// A file that cannot be read, or a shape that it has not.
+    /// If the file cannot be read, or does not have the shape.
     pub fn of(groups: &Groups, first: &Reader) -> Result<Self, MeasureError> {
         match groups {
             Groups::Shape(name) => {
@@ -148,7 +148,7 @@ impl Members {
         Ok(widest.map(|(axis, from, to)| (axis, 0.5 * (from + to))))
     }
 
-    /// Whether a row is of the first group; nothing if it is of none.
+    /// Whether a row is of the first group; `None` if it is of no group.
     fn is_first(&self, header: &Header, particles: &ParticleTable, row: usize) -> Option<bool> {
         match &self.of {
             Named::Shape(name) => Some(header.shapes[particles.shape[row].index()].name == *name),
@@ -156,13 +156,13 @@ impl Members {
         }
     }
 
-    /// Cells between which the plane lies that divides the groups, if one does.
+    /// The grid with a face at the plane that divides the groups, if there is one.
     fn divided(&self, grid: Grid) -> Result<Grid, MeasureError> {
         self.plane.map_or(Ok(grid), |(axis, place)| grid.with_face(axis, place))
     }
 }
 
-/// How many of these places, which rise, are the lower half: grains that stand side by side are not divided.
+/// Number of places, in ascending order, in the lower half; particles side by side are not divided.
 fn halved(places: &[(f64, GlobalId)]) -> usize {
     let half = places.len() / 2;
     let Some((first, last)) = places.first().zip(places.last()) else { return 0 };
@@ -172,8 +172,8 @@ fn halved(places: &[(f64, GlobalId)]) -> usize {
     gaps.min_by_key(|k| k.abs_diff(half)).unwrap_or(half)
 }
 
-/// Cells of about this side [m] of the domain, and as many more where walls have moved out of it that they hold the centres of all
-/// grains. They are the same in all snapshots of a domain.
+/// Cells of about this side [m] of the domain, extended by further cells to hold the centres of all particles where walls have
+/// moved out of it. They are the same in all snapshots of a domain.
 fn cells_of_all(reader: &Reader, members: &Members, side: f64) -> Result<Grid, MeasureError> {
     let header = reader.header();
     let (low, high) = header.cell.corners();
@@ -193,10 +193,10 @@ fn cells_of_all(reader: &Reader, members: &Members, side: f64) -> Result<Grid, M
 }
 
 impl Mixing {
-    /// Of a snapshot, in cells of about this side [m] of the region, or of the domain and what walls that moved have added to it.
+    /// Mixing of a snapshot, in cells of about this side [m] of the region, or of the domain extended by moving walls.
     ///
     /// # Errors
-    /// A file that cannot be read or makes no sense, or a region with one group or none.
+    /// If a file cannot be read or is invalid, or the region has fewer than two groups.
     pub fn of(
         reader: &Reader,
         members: &Members,
@@ -209,7 +209,7 @@ impl Mixing {
             Region::Box(bounds) => members.divided(Grid::of(&bounds, side)?)?,
             Region::Whole => cells_of_all(reader, members, side)?,
         };
-        // All grains and those of the first group.
+        // Numbers of all particles and of those of the first group.
         let mut counts = vec![[0u64; 2]; grid.len()];
         let mut left_out = 0;
         for rows in pieces(reader.particle_count()) {
@@ -220,7 +220,7 @@ impl Mixing {
                 let group = members.is_first(header, &particles, row);
                 let cell = match region {
                     Region::Box(bounds) if !bounds.contains(&place) => None,
-                    // All lie in it, but for rounding.
+                    // All particles lie in the grid, up to rounding.
                     _ => grid.nearest_cell(&place),
                 };
                 match (cell, group) {
@@ -236,10 +236,10 @@ impl Mixing {
         Ok(Self { left_out, ..Self::of_counts(header.step, header.time, &counts)? })
     }
 
-    /// From the numbers of all grains and of those of the first group in each cell.
+    /// Mixing from the numbers of all particles and of those of the first group in each cell.
     ///
     /// # Errors
-    /// No grains, or all of one group.
+    /// If there are no particles, or all are of one group.
     pub fn of_counts(step: u64, time_s: f64, counts: &[[u64; 2]]) -> Result<Self, MeasureError> {
         let [grains, first] =
             counts.iter().fold([0, 0], |[all, first], [n, k]| [all + n, first + k]);

@@ -1,40 +1,39 @@
-//! What is computed from a snapshot: stress, coordination, fabric, forces, and the page that shows
-//! them.
+//! Post-processing of snapshots: stress, coordination, fabric, forces, and the page that shows them.
 //!
-//! Every measure adds up pieces of the tables, so a snapshot may be larger than memory: only a few
+//! Every measure adds up pieces of the tables, so that a snapshot may be larger than memory: only a few
 //! bytes per particle are kept (and up to 2³⁰ contacts counted). All sums are exact
-//! ([`crate::math::ExactSum`]): a report has the same digits whatever the number of ranks that
-//! wrote the snapshot.
+//! ([`crate::math::ExactSum`]), so that a report has the same digits for any number of ranks that wrote
+//! the snapshot.
 //!
-//! Three passes, each of which hands on to the next: [`ParticlePass`] finds the region and its
-//! particles, [`ContactPass`] stress, coordination, fabric and the mean force, [`ForcePass`] all
-//! that needs the mean force or the fabric first. [`analyse`] runs them over a file.
+//! Three passes follow each other. [`ParticlePass`] finds the region and its particles; [`ContactPass`]
+//! finds stress, coordination, fabric and the mean force; [`ForcePass`] finds everything that depends
+//! on the mean force or the fabric. [`analyse`] runs them over a file.
 //!
-//! Numbers stand in this folder:
+//! Numbers are computed in this folder:
 //!
-//! | file | what it is |
+//! | file | content |
 //! |---|---|
-//! | [`region`] | where to measure; volume, solid fraction, strain |
+//! | [`region`] | the measured region; volume, solid fraction, strain |
 //! | [`stress`] [`coordination`] [`fabric`] [`forces`] | one measure each |
-//! | [`report`] | the numbers of a snapshot, as JSON, as a row of CSV, and to read |
+//! | [`report`] | the numbers of a snapshot, as JSON, as a row of CSV, and as text |
 //! | [`series`] | the snapshots of a run, one after the other |
-//! | [`history`] | the scalars that the run wrote by time |
-//! | [`measures`] [`errors`] | those that are made when they are asked for, and why they cannot be: |
+//! | [`history`] | the scalars of a run by time, written by the run |
+//! | [`measures`] [`errors`] | measures on request, and the errors that prevent them: |
 //! | [`fields`] [`mixing`] [`slope`] [`flow`] | density, velocity and stress on a [`grid`]; Lacey's index; angle of a heap; flow rates |
-//! | [`diff`] | whether two snapshots are the same, bit for bit |
+//! | [`diff`] | comparison of two snapshots, bit for bit |
 //! | [`lammps`] | particles for OVITO |
 //! | [`surface`] [`export`] [`vtp`] | surfaces of bodies; a snapshot as VTP; its file |
 //!
-//! Pictures and pages stand in [`shown`]:
+//! Pictures and pages are made in [`shown`]:
 //!
-//! | file | what it is |
+//! | file | content |
 //! |---|---|
 //! | [`draw`] | charts: series, axes, panels |
-//! | [`views`] | where things are: force chains, velocities, averages by height |
+//! | [`views`] | spatial views: force chains, velocities, averages by height |
 //! | [`plots`] [`panels`] [`rose`] [`picture`] | curves, distributions, roses, the packing from the side |
-//! | [`form`] | a shape by itself |
-//! | [`sizes`] | sizes of the particles beside those that were asked for |
-//! | [`page`] | all of it on a page |
+//! | [`form`] | a single shape |
+//! | [`sizes`] | sizes of the particles beside the requested distribution |
+//! | [`page`] | the page with all numbers and plots |
 
 mod check;
 pub mod coordination;
@@ -78,65 +77,65 @@ use std::ops::Range;
 use std::path::PathBuf;
 use stress::StressSum;
 
-/// Why nothing could be computed.
+/// Errors of post-processing.
 #[derive(Debug, thiserror::Error)]
 pub enum PostError {
     /// The file could not be read.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
-    /// What a drive has saved is not what it saves today.
+    /// The saved state of a drive does not match its present form.
     #[error(transparent)]
     Drive(#[from] DriveError),
     /// A number is NaN or infinite.
     #[error("{what} is not a finite number: the snapshot is damaged, or the run had blown up")]
     NotFinite {
-        /// Which.
+        /// Name of the number.
         what: String,
     },
-    /// A particle has a shape that the snapshot does not list.
+    /// The shape of a particle is not listed in the snapshot.
     #[error("particle {id} has shape {shape}, but the snapshot lists {shapes} shapes")]
     UnknownShape {
-        /// The particle.
+        /// Id of the particle.
         id: GlobalId,
-        /// Its shape.
+        /// Shape of the particle.
         shape: u16,
-        /// How many there are.
+        /// Number of listed shapes.
         shapes: usize,
     },
-    /// An id that was never given.
+    /// The id of a particle was never given.
     #[error(
         "particle {id} has an id that was never given (the next would be {next_id}): the snapshot is damaged"
     )]
     UnknownId {
-        /// The particle.
+        /// Id of the particle.
         id: GlobalId,
         /// The next id.
         next_id: u64,
     },
-    /// Two particles with one id.
+    /// Two particles have one id.
     #[error("particle {id} stands twice in the snapshot")]
     TwiceTheSameId {
-        /// The particle.
+        /// Their id.
         id: GlobalId,
     },
-    /// A contact of a particle that is not there.
+    /// A contact refers to a particle that does not exist.
     #[error(
         "a contact names particle {id}, which the snapshot does not hold: \
          is the contacts file of the same run and step?"
     )]
     ContactOfNobody {
-        /// The particle.
+        /// Id of the particle.
         id: GlobalId,
     },
-    /// A folder that cannot be listed.
+    /// The folder cannot be listed.
     #[error("cannot list {folder}: {cause}", folder = folder.display())]
     Unlisted {
         /// The folder.
         folder: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         cause: std::io::Error,
     },
-    /// A folder without snapshots.
+    /// The folder has no snapshot.
     #[error(
         "{folder} holds no snapshot: neither last.vtkhdf nor particles_STEP.vtkhdf",
         folder = folder.display()
@@ -145,7 +144,7 @@ pub enum PostError {
         /// The folder.
         folder: PathBuf,
     },
-    /// Two snapshots of one step: their rows and dumps could not be distinguished.
+    /// Two snapshots are of one step, so that their rows and dumps could not be distinguished.
     #[error(
         "{first} and {second} are both of step {step}: leave one of them out, give one run at a time, \
          or compare them with --diff",
@@ -155,40 +154,40 @@ pub enum PostError {
     SameStep {
         /// The step.
         step: u64,
-        /// One file.
+        /// First file.
         first: PathBuf,
-        /// The other.
+        /// Second file.
         second: PathBuf,
     },
-    /// Two snapshots that no one run can have written.
+    /// Two snapshots cannot come from one run.
     #[error(
         "{first} and {second} are of different runs: {because}. Give one run at a time, or compare them with --diff",
         first = first.display(),
         second = second.display()
     )]
     OtherRun {
-        /// The file of the lower step.
+        /// File of the lower step.
         first: PathBuf,
-        /// The other.
+        /// File of the higher step.
         second: PathBuf,
-        /// What cannot have come about.
+        /// Change between the snapshots that a run cannot make.
         because: String,
     },
-    /// An error with the file in which it is.
+    /// An error, with the name of the file.
     #[error("{file}: {error}")]
     In {
         /// The file.
         file: String,
-        /// The error.
+        /// Error in the file.
         error: Box<PostError>,
     },
-    /// A margin of nothing.
+    /// A margin was requested, but the packing has no box.
     #[error("the packing has no box of which a margin could be left out")]
     NoBox,
-    /// A region without particles.
+    /// The region has no particles.
     #[error("no particle has its centre in the region: make it larger, or the margin smaller")]
     NobodyThere,
-    /// A region without volume.
+    /// The region has no volume.
     #[error("the region has no length along {axis}: from {low} m to {high} m")]
     EmptyRegion {
         /// The axis.
@@ -198,7 +197,7 @@ pub enum PostError {
         /// Its high side [m].
         high: f64,
     },
-    /// A region beyond the period.
+    /// The region extends beyond the period.
     #[error(
         "the region reaches beyond the periodic domain along {axis}: {low}..{high} m in {period_low}..{period_high} m"
     )]
@@ -217,31 +216,31 @@ pub enum PostError {
 }
 
 impl PostError {
-    /// Whether a margin leaves nothing of this snapshot, where it may leave something of another one.
+    /// Whether a margin leaves nothing of this snapshot, although it may leave something of another.
     pub(super) const fn is_of_margin(&self) -> bool {
         matches!(self, Self::NoBox | Self::EmptyRegion { .. })
     }
 }
 
-/// What the user chooses.
+/// Choices of the user.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Settings {
-    /// Where to measure.
+    /// Measured region.
     pub region: Region,
-    /// Which contacts count in fabric, roses and force distributions.
+    /// Contacts that count in fabric, roses and force distributions.
     pub among: Among,
 }
 
-/// What a snapshot comes to.
+/// Results for a snapshot.
 #[derive(Clone, Debug)]
 pub struct Analysis {
-    /// The numbers.
+    /// All numbers.
     pub report: Report,
-    /// The picture of the packing.
+    /// Picture of the packing.
     pub picture: Picture,
 }
 
-/// The first pass, over particles.
+/// First pass, over particles.
 #[derive(Clone, Debug)]
 pub struct ParticlePass<'a> {
     header: &'a Header,
@@ -255,10 +254,10 @@ pub struct ParticlePass<'a> {
 }
 
 impl<'a> ParticlePass<'a> {
-    /// No particles yet.
+    /// An empty pass.
     ///
     /// # Errors
-    /// A region that cannot be used with this snapshot.
+    /// If the region cannot be used with this snapshot.
     pub fn new(header: &'a Header, settings: Settings) -> Result<Self, PostError> {
         settings.region.check(header)?;
         Ok(Self {
@@ -279,7 +278,7 @@ impl<'a> ParticlePass<'a> {
     /// Adds a piece of the particles.
     ///
     /// # Errors
-    /// A table that makes no sense.
+    /// If the table is invalid.
     pub fn add(&mut self, particles: &ParticleTable) -> Result<(), PostError> {
         check::check_particles(self.header, particles)?;
         self.members.add(self.header, particles)?;
@@ -292,7 +291,7 @@ impl<'a> ParticlePass<'a> {
         self.picture.add(self.header, particles, &self.members)
     }
 
-    /// On to the contacts.
+    /// Ends the pass and starts that over contacts.
     pub fn finish(self) -> ContactPass<'a> {
         let packing = self.extent.finish(self.header);
         let bounds = match self.settings.region {
@@ -322,7 +321,7 @@ impl<'a> ParticlePass<'a> {
     }
 }
 
-/// The second pass, over contacts.
+/// Second pass, over contacts.
 #[derive(Clone, Debug)]
 pub struct ContactPass<'a> {
     header: &'a Header,
@@ -344,7 +343,7 @@ impl<'a> ContactPass<'a> {
     /// Adds a piece of the contacts.
     ///
     /// # Errors
-    /// A table that makes no sense.
+    /// If the table is invalid.
     pub fn add_contacts(&mut self, contacts: &ContactTable) -> Result<(), PostError> {
         check::check_contacts(contacts)?;
         self.stress.add_contacts(contacts, &self.members)?;
@@ -354,7 +353,7 @@ impl<'a> ContactPass<'a> {
         self.mean_force.add_contacts(contacts, &self.members)
     }
 
-    /// On to what needs the fabric or the mean force first.
+    /// Ends the pass and starts that of measures that depend on the fabric or the mean force.
     pub fn finish(self) -> ForcePass<'a> {
         let among = self.settings.among;
         let fabric = self.fabric.finish();
@@ -368,7 +367,7 @@ impl<'a> ContactPass<'a> {
     }
 }
 
-/// The third pass, over contacts again.
+/// Third pass, over contacts again.
 #[derive(Clone, Debug)]
 pub struct ForcePass<'a> {
     before: ContactPass<'a>,
@@ -381,7 +380,7 @@ impl ForcePass<'_> {
     /// Adds a piece of the contacts.
     ///
     /// # Errors
-    /// A table that makes no sense.
+    /// If the table is invalid.
     pub fn add_contacts(&mut self, contacts: &ContactTable) -> Result<(), PostError> {
         if let Some(force_fabric) = &mut self.force_fabric {
             force_fabric.add_contacts(contacts, &self.before.members)?;
@@ -392,7 +391,7 @@ impl ForcePass<'_> {
         Ok(())
     }
 
-    /// All numbers. `snapshot` is how the report names its source.
+    /// All results. `snapshot` is the name of the source in the report.
     pub fn finish(self, snapshot: &str) -> Analysis {
         let ContactPass { header, settings, bounds, solid_fraction, members, picture, .. } =
             self.before;
@@ -417,18 +416,19 @@ impl ForcePass<'_> {
     }
 }
 
-/// Rows read at a time: some tens of megabytes.
+/// Number of rows read at a time: some tens of megabytes.
 const PIECE: usize = 1 << 17;
 
-/// The ranges of rows in which a table of this length is read.
+/// Ranges of rows in which a table of this length is read.
 pub fn pieces(rows: usize) -> impl Iterator<Item = Range<usize>> {
     (0..rows).step_by(PIECE).map(move |first| first..(first + PIECE).min(rows))
 }
 
-/// Computes everything from a snapshot's files, in pieces. `name` is how the report names it.
+/// Computes all results from the files of a snapshot, in pieces. `name` is the name of the source in
+/// the report.
 ///
 /// # Errors
-/// Files that cannot be read or make no sense, or a region that does not fit.
+/// If files cannot be read or are invalid, or the region does not fit.
 pub fn analyse(reader: &Reader, name: &str, settings: Settings) -> Result<Analysis, PostError> {
     let mut particles = ParticlePass::new(reader.header(), settings)?;
     for rows in pieces(reader.particle_count()) {
@@ -445,11 +445,11 @@ pub fn analyse(reader: &Reader, name: &str, settings: Settings) -> Result<Analys
     Ok(forces.finish(name))
 }
 
-/// The box of the packing without a layer along its sides, as the snapshot finds them: walls where they
-/// stand, the outermost particles where there are none. A periodic axis has no sides.
+/// Box of the packing without a layer along its sides. The sides are at walls, and at the outermost
+/// particles where there are none. A periodic axis has no sides.
 ///
 /// # Errors
-/// A file that cannot be read, or a packing that the margin takes whole.
+/// If the file cannot be read, or the margin leaves nothing of the packing.
 pub fn inside(reader: &Reader, margin: Margin) -> Result<Region, PostError> {
     let header = reader.header();
     let mut extent = Extent::default();

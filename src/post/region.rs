@@ -1,5 +1,4 @@
-//! Where the measures are taken: the whole packing or a box in it, its volume, the particles that
-//! belong to it, and how much of it is solid.
+//! Measured region: the whole packing or a box in it, its volume, its particles, and its solid fraction.
 
 use super::check::check_particles;
 use super::sums::quotient;
@@ -20,7 +19,7 @@ use std::borrow::Cow;
 use std::f64::consts::PI;
 use std::str::FromStr;
 
-/// A box with its sides along the axes.
+/// A box with sides along the axes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bounds {
     /// Lowest corner [m].
@@ -32,7 +31,7 @@ pub struct Bounds {
 impl FromStr for Bounds {
     type Err = String;
 
-    /// `x0,x1,y0,y1,z0,z1` in metres.
+    /// Parses `x0,x1,y0,y1,z0,z1` in metres.
     fn from_str(text: &str) -> Result<Self, String> {
         let number = |word: &str| word.trim().parse().map_err(|_| format!("'{word}' is no number"));
         let numbers = text.split(',').map(number).collect::<Result<Vec<f64>, String>>()?;
@@ -55,7 +54,7 @@ impl Bounds {
         self.lengths().product()
     }
 
-    /// Without a layer of a thickness [m] along the sides; a periodic axis has none.
+    /// The box without a layer of this thickness [m] along its sides; a periodic axis has no sides.
     #[must_use]
     pub fn shrunk(mut self, header: &Header, thickness: f64) -> Self {
         for k in header.cell.open_axes() {
@@ -71,7 +70,7 @@ impl Bounds {
     }
 }
 
-/// Where the measures are taken.
+/// Measured region.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Region {
     /// All particles, in the box that [`Extent`] finds.
@@ -85,8 +84,7 @@ impl Region {
     /// Whether the region can be used with this snapshot.
     ///
     /// # Errors
-    /// A box without volume, or one that reaches beyond a periodic side, where each particle
-    /// would have to count several times.
+    /// If the box has no volume, or extends beyond a periodic side, where particles would have to count several times.
     pub fn check(&self, header: &Header) -> Result<(), PostError> {
         let Self::Box(bounds) = self else { return Ok(()) };
         for (k, axis) in AXES.into_iter().enumerate() {
@@ -105,27 +103,28 @@ impl Region {
     }
 }
 
-/// A length: the thickness of a layer along the sides, the side of a cell, a width.
+/// A length: thickness of a layer along the sides, side of a cell, or width.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Margin {
-    /// In metres.
+    /// Length in metres.
     Metres(f64),
-    /// In diameters of the sphere that has the mean volume of the grains of that shape of which it is the largest.
+    /// Length in diameters of a sphere. It has the mean volume of the particles of one shape: the shape for which this volume is
+    /// largest.
     Diameters(f64),
 }
 
 impl Margin {
-    /// In metres, for the grains of a snapshot.
+    /// The length for the particles of a snapshot [m].
     ///
     /// # Errors
-    /// A file that cannot be read or makes no sense.
+    /// If the file cannot be read or is invalid.
     pub fn metres(self, reader: &Reader) -> Result<f64, PostError> {
         let count = match self {
             Self::Metres(length) => return Ok(length),
             Self::Diameters(count) => count,
         };
         let header = reader.header();
-        // By shapes: how many grains, and their volumes over that of the shape.
+        // For each shape the number of particles, and the sum of their volumes over that of the shape.
         let mut sums = vec![(0.0, 0.0); header.shapes.len()];
         for rows in pieces(reader.particle_count()) {
             let particles = reader.particles(rows)?;
@@ -145,7 +144,7 @@ impl Margin {
 impl FromStr for Margin {
     type Err = String;
 
-    /// `0.004` are metres, `1.5d` diameters.
+    /// Parses `0.004` as metres and `1.5d` as diameters.
     fn from_str(text: &str) -> Result<Self, String> {
         let (number, unit): (_, fn(f64) -> Self) = match text.strip_suffix('d') {
             Some(number) => (number, Self::Diameters),
@@ -161,10 +160,10 @@ fn diameter_of(volume: f64) -> f64 {
     (6.0 / PI * volume).cbrt()
 }
 
-/// The body of a row about its centre, turned as it lies in the world.
+/// Body of a row about its centre, with its orientation in the world.
 pub(super) struct Turned<'a> {
     pub(super) shape: Cow<'a, Shape>,
-    /// Columns are the body's axes in the world.
+    /// Columns are the axes of the body in the world.
     pub(super) frame: Mat3,
     /// Lengths over those of the shape [-].
     pub(super) scale: f64,
@@ -179,12 +178,12 @@ impl<'a> Turned<'a> {
         Self { shape, frame, scale: particles.scale_of(row) }
     }
 
-    /// As contacts see it.
+    /// The body in the form of contact detection.
     pub(super) fn posed(&self) -> Posed<'_> {
         Posed { scale: self.scale, ..Posed::new(&self.shape, &self.frame) }
     }
 
-    /// The farthest point along `direction` [m].
+    /// Farthest point along `direction` [m].
     pub(super) fn support(&self, direction: &Vec3) -> Vec3 {
         self.posed().support(direction)
     }
@@ -194,20 +193,20 @@ impl<'a> Turned<'a> {
         self.posed().contains(point)
     }
 
-    /// The box around the body.
+    /// Box around the body.
     fn bounds(&self) -> Bounds {
         let end = |k: usize, sign: f64| self.support(&Vec3::ith(k, sign))[k];
         Bounds { low: Vec3::from_fn(|k, _| end(k, -1.0)), high: Vec3::from_fn(|k, _| end(k, 1.0)) }
     }
 }
 
-/// The box of the whole packing. On each side it ends
+/// Box of the whole packing. On each side it ends
 /// * at the end of the period, if the axis is periodic;
-/// * else at a wall across that axis, if there is one, touched or not (of several, the innermost);
-/// * else at the outermost particle surface, be the particle in flight.
+/// * otherwise at a wall across that axis, if there is one, touched or not (the innermost of several);
+/// * otherwise at the outermost particle surface, even of a particle in flight.
 ///
-/// Slanted walls, those of several planes, and those of triangles, cylinders and cones bound nothing here. Reports say
-/// where the box is doubtful for that; a region within the packing is not.
+/// Slanted walls, walls of several planes, and walls of triangles, cylinders and cones do not bound the box. Reports warn where
+/// the box is unreliable for that reason; a region within the packing is reliable.
 #[derive(Clone, Debug)]
 pub struct Extent {
     low: Vec3,
@@ -221,7 +220,7 @@ impl Default for Extent {
 }
 
 impl Extent {
-    /// Adds the surfaces of these particles.
+    /// Adds the surfaces of particles.
     pub fn add(&mut self, header: &Header, particles: &ParticleTable) {
         for (row, centre) in particles.position.iter().enumerate() {
             let around = Turned::of(header, particles, row).bounds();
@@ -230,7 +229,7 @@ impl Extent {
         }
     }
 
-    /// The box; `None` if it has no volume, as without particles and walls.
+    /// The box; `None` if it has no volume, for example without particles and walls.
     pub fn finish(&self, header: &Header) -> Option<Bounds> {
         let (low, high) = header.cell.with_periods(self.low, self.high);
         let mut bounds = Bounds { low, high };
@@ -247,8 +246,8 @@ impl Extent {
     }
 }
 
-/// What makes the box in which is measured another room than that of the grains: of the whole packing sides that no period and no
-/// plane ends, and walls that are no planes across an axis. A sentence each.
+/// Warnings, one sentence each, if the measured box is not the space of the particles. Causes are sides of the whole packing that
+/// neither a period nor a plane ends, and walls that are not planes across an axis.
 pub(super) fn doubts(header: &Header, region: &Region, packing: Option<&Bounds>) -> Vec<String> {
     let (bounds, open) = match (region, packing) {
         (Region::Box(bounds), _) => (bounds, Vec::new()),
@@ -265,7 +264,7 @@ pub(super) fn doubts(header: &Header, region: &Region, packing: Option<&Bounds>)
         ));
     }
     let triangles = header.triangles_in_place();
-    // Where a side is open, a wall that does not reach into the box of the grains may be what was taken to end it.
+    // Where a side is open, a wall outside the box of the particles may be the one that was meant to end it.
     let counts = |k: usize| !open.is_empty() || comes_into(&header.walls[k], k, &triangles, bounds);
     let others = (0..header.walls.len()).filter(|&k| !is_across(&header.walls[k]) && counts(k));
     let names: Vec<String> = others.map(|k| format!("\"{}\"", header.walls[k].name)).collect();
@@ -283,7 +282,7 @@ pub(super) fn doubts(header: &Header, region: &Region, packing: Option<&Bounds>)
     doubts
 }
 
-/// The sides on which neither a period nor a plane across the axis ends the packing, as -x.
+/// Sides on which neither a period nor a plane across the axis ends the packing, as -x.
 fn open_sides(header: &Header) -> Vec<String> {
     let is_open = |face: &Face| {
         let closes = |plane: &WallRow| face.normal.dot(&plane.normal) > ACROSS;
@@ -293,13 +292,13 @@ fn open_sides(header: &Header) -> Vec<String> {
     faces.map(|face| face.name.to_owned()).collect()
 }
 
-/// Is it one plane across an axis?
+/// True for a wall of one plane across an axis.
 fn is_across(wall: &WallRow) -> bool {
     wall.is_one_plane() && wall.normal.amax() > ACROSS
 }
 
-/// Is a part of a wall in a box, or behind a plane of it a part of the box? `triangles` are those of all walls in place. A triangle is
-/// in it if the box around it and its plane are.
+/// True if the wall passes through the box or cuts off a part of it. `triangles` are those of all walls in place. A triangle
+/// counts if the box around it and its plane pass through the box.
 fn comes_into(
     wall: &WallRow,
     index: usize,
@@ -308,7 +307,7 @@ fn comes_into(
 ) -> bool {
     let half = bounds.lengths() * 0.5;
     let middle = bounds.low + half;
-    // What touches from outside is not in it.
+    // Contact with the box from outside does not count.
     let slack = 1e-9 * half.amax();
     let is_cut = |(point, normal): (Vec3, Vec3)| {
         half.dot(&normal.abs()) - (middle - point).dot(&normal) > slack
@@ -325,8 +324,8 @@ fn comes_into(
     wall.planes().into_iter().any(is_cut) || own.any(|(_, corners)| is_in(corners))
 }
 
-/// Along which axes a period or walls on both sides end the packing. Along the others the box of an [`Extent`] ends at
-/// the outermost particle, so that one grain that bounces would be a strain.
+/// For each axis, true if a period or walls on both sides end the packing. Along the other axes the box of an [`Extent`] ends at
+/// the outermost particle, where a single particle that bounces would appear as a strain.
 pub fn enclosed(header: &Header) -> [bool; 3] {
     let mut enclosed = header.cell.periodic();
     for k in header.cell.open_axes() {
@@ -336,7 +335,7 @@ pub fn enclosed(header: &Header) -> [bool; 3] {
     enclosed
 }
 
-/// The innermost walls at both ends of an axis, which bound the packing.
+/// Innermost walls at both ends of an axis, which bound the packing.
 pub(super) fn walls_across(header: &Header, axis: usize) -> Option<[&WallRow; 2]> {
     let innermost = |sign: f64| {
         let walls = header.planes().filter(|w| sign * w.normal[axis] > ACROSS);
@@ -345,16 +344,17 @@ pub(super) fn walls_across(header: &Header, axis: usize) -> Option<[&WallRow; 2]
     Some([innermost(1.0)?, innermost(-1.0)?])
 }
 
-/// Where the wall at the end of an axis stands along itself, seen from that at its beginning, or how far a sheared cell has slid.
+/// Tangential displacement of the wall at the end of an axis against the wall at its beginning, or of the images of a sheared
+/// cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Slide {
-    /// Names of the walls; empty of a sheared cell.
+    /// Names of the walls; empty for a sheared cell.
     pub between: [String; 2],
-    /// How far [m]; what differs from another snapshot has slid since.
+    /// Displacement [m]; its change between two snapshots is the sliding between them.
     pub way: [f64; 3],
 }
 
-/// Across each axis, if there are walls at both ends or if the cell is sheared across it.
+/// Displacement across each axis, if there are walls at both ends or the cell is sheared across it.
 pub fn slides(header: &Header) -> [Option<Slide>; 3] {
     [0, 1, 2].map(|axis| {
         if let Some(Shear { across, .. }) = header.cell.shear() {
@@ -368,30 +368,29 @@ pub fn slides(header: &Header) -> [Option<Slide>; 3] {
     })
 }
 
-/// A wall stands across an axis if its normal has at least this cosine with it: tilted by less than
-/// 0.1 mrad.
+/// Smallest cosine between an axis and the normal of a wall that counts as a plane across it: tilted by less than 0.1 mrad.
 pub(super) const ACROSS: f64 = 1.0 - 5e-9;
 
-/// Whether a particle belongs to the region.
+/// Relation of a particle to the region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Membership {
     /// No particle has this id.
     Unknown,
-    /// Out of the region.
+    /// Outside the region.
     Outside,
-    /// In the region.
+    /// Inside the region.
     Inside,
-    /// Held on a course of its own: like a wall it belongs to no region.
+    /// Held on a prescribed motion: like a wall it belongs to no region.
     Held,
 }
 
-/// For each group of a snapshot 1 if its particles are held.
+/// For each group of a snapshot, 1 if its particles are held.
 fn held_groups(header: &Header) -> &[u64] {
     let groups = header.drives.iter().find(|saved| saved.drive == groups::NAME);
     groups.and_then(|saved| saved.counts(&groups::HELD).ok()).unwrap_or_default()
 }
 
-/// Which particles belong to the region, by id: one byte per id ever given.
+/// Particles of the region, by id: one byte per id ever given.
 #[derive(Clone, Debug)]
 pub struct Members {
     region: Region,
@@ -400,15 +399,15 @@ pub struct Members {
 }
 
 impl Members {
-    /// No particles yet.
+    /// An empty set.
     pub const fn new(region: Region) -> Self {
         Self { region, memberships: Vec::new(), inside: 0 }
     }
 
-    /// Adds these particles, each by its centre, which a periodic axis brings back into the domain.
+    /// Adds particles by their centres, which are mapped into a periodic domain.
     ///
     /// # Errors
-    /// An id that the header does not know, or one that stands twice.
+    /// If an id was never given, or occurs twice.
     pub fn add(&mut self, header: &Header, particles: &ParticleTable) -> Result<(), PostError> {
         let held = held_groups(header);
         for (row, (&id, position)) in particles.id.iter().zip(&particles.position).enumerate() {
@@ -437,7 +436,7 @@ impl Members {
         Ok(())
     }
 
-    /// How many particles the region holds.
+    /// Number of particles in the region.
     pub const fn count(&self) -> u64 {
         self.inside
     }
@@ -445,7 +444,7 @@ impl Members {
     /// Whether a particle belongs to the region.
     ///
     /// # Errors
-    /// If no particle has this id: the contacts are not those of these particles.
+    /// If no particle has this id: the contacts do not belong to these particles.
     pub fn holds(&self, id: GlobalId) -> Result<bool, PostError> {
         match self.memberships.get(id.0 as usize).copied().unwrap_or(Membership::Unknown) {
             Membership::Unknown => Err(PostError::ContactOfNobody { id }),
@@ -453,22 +452,22 @@ impl Members {
         }
     }
 
-    /// Which ends of a contact belong to the region. A wall never does.
+    /// Ends of a contact that belong to the region. A wall never does.
     ///
     /// # Errors
-    /// As [`Members::holds`].
+    /// See [`Members::holds`].
     pub fn ends(&self, a: GlobalId, b: GlobalId) -> Result<Ends, PostError> {
         let b_is_wall = b.wall_index().is_some();
         let wall = b_is_wall || self.is_held(a) || self.is_held(b);
         Ok(Ends { a: self.holds(a)?, b: !b_is_wall && self.holds(b)?, wall })
     }
 
-    /// Is it a particle that is held?
+    /// True for a held particle.
     pub(super) fn is_held(&self, id: GlobalId) -> bool {
         self.memberships.get(id.0 as usize) == Some(&Membership::Held)
     }
 
-    /// The ids of the particles in the region, ascending.
+    /// Ids of the particles in the region, ascending.
     pub(super) fn ids(&self) -> impl Iterator<Item = usize> + '_ {
         let inside = self
             .memberships
@@ -479,21 +478,21 @@ impl Members {
     }
 }
 
-/// Which ends of a contact belong to the region.
+/// Ends of a contact that belong to the region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ends {
-    /// Particle A does.
+    /// Particle A belongs to it.
     pub a: bool,
-    /// Particle B does; never a wall.
+    /// Particle B belongs to it; false for a wall.
     pub b: bool,
-    /// B is a wall, or one of both is held.
+    /// B is a wall, or one of the particles is held.
     pub wall: bool,
 }
 
 impl Ends {
-    /// What the contact weighs in an average over contacts, in halves: one for each of its particles in
-    /// the region; a wall contact of a particle in the region is whole. So in the whole packing
-    /// every contact weighs the same, and the sums of disjoint regions add up.
+    /// Weight of the contact in averages over contacts, in halves: one half for each of its particles in the region. A wall
+    /// contact of a particle in the region counts whole. In the whole packing every contact has the same weight, and sums over
+    /// disjoint regions add up.
     pub const fn halves(self) -> u64 {
         match (self.a, self.b, self.wall) {
             (true, _, true) | (_, true, true) => 2,
@@ -502,8 +501,7 @@ impl Ends {
     }
 }
 
-/// The volume of all particles over the volume of the whole: the exact sum, in which an
-/// overlap counts twice and what a particle pushes into a wall counts too.
+/// Exact sum of the volumes of all particles. An overlap counts twice, and the part of a particle within a wall counts too.
 #[derive(Clone, Debug, Default)]
 pub struct SolidVolume {
     sum: ExactSum,
@@ -512,7 +510,7 @@ pub struct SolidVolume {
 }
 
 impl SolidVolume {
-    /// Adds these particles.
+    /// Adds particles.
     pub fn add(&mut self, header: &Header, particles: &ParticleTable) {
         for (row, shape) in particles.shape.iter().enumerate() {
             let shape = &header.shapes[shape.index()];
@@ -523,9 +521,9 @@ impl SolidVolume {
         }
     }
 
-    /// `γ̇ d √ρ` [√Pa]: over `√p` the inertial number, with `d` the diameter of the mean volume and `ρ` the density of the
-    /// solid. `γ̇` is the rate of a sheared cell, or the largest of those at which walls at both ends of an axis slide along
-    /// each other, or come together along z. `None` without such.
+    /// `γ̇ d √ρ` [√Pa]: over `√p` it is the inertial number, with `d` the diameter of the mean volume and `ρ` the density of the
+    /// solid. `γ̇` is the rate of a sheared cell. Otherwise it is the largest rate of walls at both ends of an axis that slide
+    /// along each other, or approach each other along z. `None` without either.
     pub fn inertia_of_strain(&self, header: &Header, packing: &Bounds) -> Option<f64> {
         let between_walls = |axis: usize| {
             let [low, high] = walls_across(header, axis)?;
@@ -545,17 +543,15 @@ impl SolidVolume {
         Some(rate * diameter * density.sqrt())
     }
 
-    /// Their volume [m³].
+    /// Volume of all particles [m³].
     pub fn finish(&self) -> f64 {
         self.sum.value()
     }
 }
 
-/// The solid fraction of a box that cuts particles, on a lattice of sample points: the share of
-/// points that lie in any particle (an overlap counts once). The points are the centres of
-/// 256³ equal cells, so the same snapshot always gives the same number; for a box of
-/// some ten particles' width the error is about 10⁻⁴. A flat face that lies along a side of the box adds up to half
-/// a cell times its area.
+/// Solid fraction of a box that cuts particles: the share of sample points that lie in any particle (an overlap counts once). The
+/// points are the centres of 256³ equal cells, so that a snapshot always gives the same number. For a box of some ten particles'
+/// width the error is about 10⁻⁴. A flat face along a side of the box adds up to half a cell times its area.
 #[derive(Clone, Debug)]
 pub struct SampledSolid {
     bounds: Bounds,
@@ -563,15 +559,15 @@ pub struct SampledSolid {
 }
 
 impl SampledSolid {
-    /// Sample points along each side; a multiple of the 64 bits of a word.
+    /// Number of sample points along each side; a multiple of the 64 bits of a word.
     const POINTS: usize = 256;
 
-    /// No particles yet.
+    /// A box without particles.
     pub fn new(bounds: Bounds) -> Self {
         Self { bounds, covered: vec![0; Self::POINTS.pow(3) / 64] }
     }
 
-    /// Marks the points that these particles, and their periodic images, cover.
+    /// Marks the points covered by these particles and their periodic images.
     pub fn add(&mut self, header: &Header, particles: &ParticleTable) {
         let shifts = header.cell.shifts();
         for (row, position) in particles.position.iter().enumerate() {
@@ -584,7 +580,7 @@ impl SampledSolid {
         }
     }
 
-    /// Marks the points in one body, which has this box around it.
+    /// Marks the points in one body; `around` is its bounding box about the centre.
     fn mark(&mut self, centre: &Vec3, body: &Turned, around: &Bounds) {
         let cell = self.bounds.lengths() / Self::POINTS as f64;
         let range = |axis: usize| {
@@ -601,7 +597,7 @@ impl SampledSolid {
                     let index = Vec3::new(*i as f64, j as f64, k as f64).add_scalar(0.5);
                     body.contains(&(low + index.component_mul(&cell) - centre))
                 };
-                // What a convex body covers of a row has no gap.
+                // The part of a row in a convex body has no gap.
                 let Some(first) = xs.clone().find(is_covered) else { continue };
                 let last = xs.clone().rfind(is_covered).unwrap_or(first);
                 for i in first..=last {
@@ -612,19 +608,19 @@ impl SampledSolid {
         }
     }
 
-    /// The share of points covered.
+    /// Share of points covered.
     pub fn finish(&self) -> f64 {
         let covered: u64 = self.covered.iter().map(|word| u64::from(word.count_ones())).sum();
         covered as f64 / (self.covered.len() * 64) as f64
     }
 }
 
-/// Strains of the whole against a first snapshot, compression positive.
+/// Strains of the whole packing relative to a first snapshot, compression positive.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Strain {
     /// `ln(H0/H)` with `H` the height, along z.
     pub axial: f64,
-    /// `ln(V0/V)`; negative: the packing dilates.
+    /// `ln(V0/V)`; negative if the packing dilates.
     pub volumetric: f64,
 }
 

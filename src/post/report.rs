@@ -1,4 +1,4 @@
-//! What a snapshot comes to: a row of numbers for a table, and all tensors and distributions beside it.
+//! Report of a snapshot: a row of numbers for a table, with all tensors and distributions.
 
 use super::coordination::Coordination;
 use super::fabric::{Among, Degrees, Fabric, ForceFabric, Rose, degree};
@@ -10,30 +10,30 @@ use crate::math::Vec3;
 use crate::output::header::Header;
 use serde::{Deserialize, Serialize};
 
-/// Everything computed from one snapshot. What has no meaning (a mean over nothing) is null.
+/// All results for one snapshot. Values without meaning (a mean over nothing) are null.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Version of this program.
     pub program_version: String,
-    /// The snapshot's file.
+    /// File of the snapshot.
     pub snapshot: String,
-    /// The box of the whole packing [m].
+    /// Box of the whole packing [m].
     pub packing_m: Option<Bounds>,
-    /// Whether it ends at a period or at walls on both sides, along x, y and z; else there is no strain.
+    /// For x, y and z, true if a period or walls on both sides end the packing; otherwise there is no strain.
     pub enclosed: [bool; 3],
-    /// What is doubtful about the numbers, a sentence each.
+    /// Warnings about the numbers, one sentence each.
     #[serde(default)]
     pub doubts: Vec<String>,
-    /// What a shear strain is found from: across each axis, how one end stands along the other [m].
+    /// Basis of the shear strain: across each axis, the displacement of one end against the other [m].
     #[serde(default)]
     pub slides: [Option<Slide>; 3],
-    /// The box that the user gave [m]; null for the whole packing.
+    /// Box given by the user [m]; null for the whole packing.
     pub region_m: Option<Bounds>,
     /// Whether fabric and forces include contacts with walls.
     pub walls_in_fabric: bool,
-    /// The numbers.
+    /// Numbers of the table.
     pub summary: Summary,
-    /// The box of the whole or the region [m].
+    /// Box of the whole packing or of the region [m].
     pub bounds_m: Option<Bounds>,
     /// Stress [Pa], compression positive, row by row.
     pub stress_pa: Option<Stress>,
@@ -41,11 +41,11 @@ pub struct Report {
     pub principal_stress_pa: Option<[Principal; 3]>,
     /// Coordination, with and without walls.
     pub coordination: Coordination,
-    /// Fabric of contact normals.
+    /// Fabric of the contact normals.
     pub fabric: Option<Fabric>,
     /// Principal values of the fabric tensor, largest first, with their directions.
     pub principal_fabric: Option<[Principal; 3]>,
-    /// Anisotropy of contact forces.
+    /// Anisotropy of the contact forces.
     pub force_fabric: Option<ForceFabric>,
     /// Normals and forces by their angle to the vertical.
     pub rose: Rose,
@@ -53,39 +53,38 @@ pub struct Report {
     pub forces: Option<Forces>,
 }
 
-/// The numbers of a snapshot: one row of the table. Keys end in their unit; those without are
-/// counts or ratios.
+/// Numbers of a snapshot: one row of the table. Keys end in their unit; those without a unit are counts or ratios.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
-    /// Steps since the first stage began.
+    /// Number of steps since the first stage began.
     pub step: u64,
-    /// Time since then.
+    /// Time since the first stage began.
     pub time_s: f64,
-    /// Particles in the region.
+    /// Number of particles in the region.
     pub particles: u64,
-    /// Contacts between particles; one that the region's border cuts counts half.
+    /// Number of contacts between particles; one across the border of the region counts half.
     pub contacts_between_particles: f64,
-    /// Contacts with walls.
+    /// Number of contacts with walls.
     pub contacts_with_walls: u64,
     /// Volume of the region.
     pub volume_m3: Option<f64>,
     /// Height of the region.
     pub height_m: Option<f64>,
-    /// Volume of particles over volume.
+    /// Volume of particles over volume of the region.
     pub solid_fraction: Option<f64>,
     /// Volume of voids over volume of particles.
     pub void_ratio: Option<f64>,
-    /// `ln(H0/H)` of the whole packing against the first snapshot; null unless a period or walls on both sides end
-    /// both along z.
+    /// `ln(H0/H)` of the whole packing relative to the first snapshot. Null unless a period or walls on both sides end both
+    /// packings along z.
     pub axial_strain: Option<f64>,
-    /// `ln(V0/V)` of the whole packing against the first snapshot; negative: dilation. Null unless periods or walls
-    /// end both on all sides.
+    /// `ln(V0/V)` of the whole packing relative to the first snapshot; negative for dilation. Null unless periods or walls end
+    /// both packings on all sides.
     pub volumetric_strain: Option<f64>,
-    /// Of a sheared cell, or of walls that slide along each other: displacement over distance, against the first snapshot;
-    /// null where nothing slides.
+    /// Shear strain of a sheared cell, or of walls that slide along each other: displacement over distance, relative to the first
+    /// snapshot. Null without sliding.
     #[serde(default)]
     pub shear_strain: Option<f64>,
-    /// Stress `σ_xx`, compression positive; as all `σ_ij` here.
+    /// Stress `σ_xx`; compression is positive in all `σ_ij`.
     pub stress_xx_pa: Option<f64>,
     /// `σ_xy`.
     pub stress_xy_pa: Option<f64>,
@@ -111,29 +110,30 @@ pub struct Summary {
     pub q_over_p: Option<f64>,
     /// `|σ - σᵀ| / |σ + σᵀ|`.
     pub stress_asymmetry: Option<f64>,
-    /// Load over area of the two walls across x, mean of both; null without them.
+    /// Mean load over area of the two walls across x; null without them.
     pub wall_stress_xx_pa: Option<f64>,
-    /// Across y.
+    /// Mean load over area of the two walls across y; null without them.
     pub wall_stress_yy_pa: Option<f64>,
-    /// Across z.
+    /// Mean load over area of the two walls across z; null without them.
     pub wall_stress_zz_pa: Option<f64>,
-    /// Shear stress over normal stress of the two walls that slide along each other, mean of both; null where none do.
+    /// Mean shear stress over normal stress of the two walls that slide along each other; null without sliding.
     pub wall_shear_over_normal: Option<f64>,
-    /// Largest over smallest principal stress; null unless all are pressure.
+    /// Largest over smallest principal stress; null unless all are compressive.
     pub major_over_minor_stress: Option<f64>,
-    /// `γ̇ d √(ρ/p)`, the rate that of a sheared cell, or of walls that slide along each other or, across z, come together; null without them.
+    /// `γ̇ d √(ρ/p)`. The rate is that of a sheared cell, of walls that slide along each other, or of walls across z that
+    /// approach each other. Null without either.
     pub inertial_number: Option<f64>,
-    /// Mean coordination number, contacts between particles.
+    /// Mean coordination number, contacts between particles only.
     pub coordination: Option<f64>,
-    /// Mean coordination number, walls counted.
+    /// Mean coordination number, walls included.
     pub coordination_with_walls: Option<f64>,
-    /// Mechanical coordination number, contacts between particles.
+    /// Mechanical coordination number, contacts between particles only.
     pub mechanical_coordination: Option<f64>,
-    /// Mechanical coordination number, walls counted.
+    /// Mechanical coordination number, walls included.
     pub mechanical_coordination_with_walls: Option<f64>,
-    /// Particles with fewer than two contacts with particles.
+    /// Number of particles with fewer than two contacts with particles.
     pub rattlers: u64,
-    /// Particles with fewer than two contacts of any kind.
+    /// Number of particles with fewer than two contacts of any kind.
     pub rattlers_with_walls: u64,
     /// Anisotropy of contact normals.
     pub a_c: Option<f64>,
@@ -147,7 +147,7 @@ pub struct Summary {
     pub a_bt: Option<f64>,
     /// `2/5 (a_c + a_n + a_bn + 3/2 (a_t + a_bt))`.
     pub q_over_p_from_fabric: Option<f64>,
-    /// The same over `q/p`, less one.
+    /// `q_over_p_from_fabric` over `q/p`, minus one.
     pub fabric_relation_error: Option<f64>,
     /// Mean normal contact force.
     pub mean_normal_force_n: Option<f64>,
@@ -165,15 +165,15 @@ pub struct Summary {
     pub unbalanced_force_ratio: Option<f64>,
 }
 
-/// Below this ratio of stresses the relation of stress, force and fabric has nothing to explain.
+/// Stress ratio below which the relation of stress, force and fabric is not compared.
 const NEARLY_ISOTROPIC: f64 = 0.1;
 
-/// Of two that are equal but for grains that move.
+/// Mean of two values that are equal except for moving particles.
 fn mean(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     a.zip(b).map(|(a, b)| 0.5 * (a + b))
 }
 
-/// The parts of which a report is put together.
+/// Parts of a report.
 pub(super) struct Parts<'a> {
     pub(super) header: &'a Header,
     pub(super) region: Region,
@@ -193,7 +193,7 @@ pub(super) struct Parts<'a> {
 }
 
 impl Parts<'_> {
-    /// The row of numbers; no strains, which another snapshot gives.
+    /// Row of numbers, without strains, which need another snapshot.
     fn summary(&self) -> Summary {
         let Self { header, bounds, stress, fabric, force_fabric, .. } = *self;
         let forces = self.forces.as_ref();
@@ -297,7 +297,7 @@ impl Report {
         }
     }
 
-    /// Sets the strains of the whole packing against a first snapshot, as far as both are enclosed.
+    /// Sets the strains of the whole packing relative to a first snapshot, as far as both are enclosed.
     pub fn strain_against(&mut self, first: &Self) {
         let boxes = first.packing_m.zip(self.packing_m);
         let strain = boxes.and_then(|(first, now)| Strain::between(&first, &now));
@@ -307,7 +307,7 @@ impl Report {
         self.summary.volumetric_strain = strain.filter(|_| on_all_sides).map(|s| s.volumetric);
         let slid = |axis: usize| {
             let (first, now) = (first.slides[axis].as_ref()?, self.slides[axis].as_ref()?);
-            // Where another wall has become the innermost nothing has slid.
+            // A change of the innermost wall is not sliding.
             if first.between != now.between {
                 return None;
             }
@@ -318,7 +318,7 @@ impl Report {
         self.summary.shear_strain = largest.filter(|&strain| strain > 0.0);
     }
 
-    /// The numbers a reader wants first, in groups: for the terminal and the page.
+    /// The main numbers in groups, for the terminal and the page.
     pub fn groups(&self) -> Vec<Group> {
         let s = &self.summary;
         let mean_force = if self.walls_in_fabric {
@@ -399,23 +399,23 @@ impl Report {
     }
 }
 
-/// Numbers that belong together.
+/// A group of numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Group {
-    /// What they are.
+    /// Title of the group.
     pub title: &'static str,
-    /// The numbers.
+    /// Numbers of the group.
     pub rows: Vec<Row>,
 }
 
-/// A number, ready to read.
+/// A number as text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Row {
-    /// What it is.
+    /// Name of the number.
     pub label: &'static str,
-    /// The number, or a dash where there is none.
+    /// Value, or a dash without one.
     pub value: String,
-    /// Its unit, perhaps with a prefix; empty for a ratio.
+    /// Unit, perhaps with a prefix; empty for a ratio.
     pub unit: String,
 }
 
@@ -437,7 +437,7 @@ impl Row {
     }
 }
 
-/// The same quantity with a prefix that leaves one to three digits before the point.
+/// The value with a unit prefix that leaves one to three digits before the point.
 fn prefixed(value: f64, unit: &str) -> (f64, String) {
     let prefixes = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ")];
     let fit = prefixes.iter().find(|(scale, _)| value.abs() >= *scale);
@@ -445,7 +445,7 @@ fn prefixed(value: f64, unit: &str) -> (f64, String) {
     (value / scale, format!("{prefix}{unit}"))
 }
 
-/// Four significant digits; a power of ten for the very large and small.
+/// The value with four significant digits, with a power of ten if it is very large or small.
 pub fn readable(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 {
@@ -461,7 +461,7 @@ pub fn readable(value: f64) -> String {
 /// CSV with the names of the fields as header; empty without rows.
 ///
 /// # Errors
-/// Rows that are no flat records.
+/// If the rows are not flat records.
 pub fn csv<T: Serialize>(rows: impl IntoIterator<Item = T>) -> Result<String, csv::Error> {
     let mut table = csv::Writer::from_writer(Vec::new());
     for row in rows {
@@ -471,7 +471,7 @@ pub fn csv<T: Serialize>(rows: impl IntoIterator<Item = T>) -> Result<String, cs
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// A count with its thousands set apart, and one half if there is one.
+/// A count with separated thousands, and one half if there is one.
 fn grouped(value: f64) -> String {
     let digits = (value.floor() as u64).to_string();
     let mut out = String::new();

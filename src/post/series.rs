@@ -1,4 +1,4 @@
-//! The snapshots of a run, one after the other.
+//! Series of snapshots of a run.
 
 use super::picture::Picture;
 use super::region::{Margin, Region, doubts};
@@ -9,10 +9,10 @@ use crate::output::snapshot::{Reader, step_of};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// The newest snapshot of a folder: the one that `last.vtkhdf` points to, else that of the latest step.
+/// Newest snapshot of a folder: the target of `last.vtkhdf`, otherwise that of the latest step.
 ///
 /// # Errors
-/// A folder that cannot be listed or holds no snapshot.
+/// If the folder cannot be listed or has no snapshot.
 pub fn newest(folder: &Path) -> Result<PathBuf, PostError> {
     let last = folder.join("last.vtkhdf");
     if last.exists() {
@@ -24,7 +24,7 @@ pub fn newest(folder: &Path) -> Result<PathBuf, PostError> {
 /// All snapshots of a folder by step, at least one.
 ///
 /// # Errors
-/// As [`newest`].
+/// See [`newest`].
 pub fn all(folder: &Path) -> Result<Vec<PathBuf>, PostError> {
     let unlisted = |cause| PostError::Unlisted { folder: folder.to_path_buf(), cause };
     let entries = std::fs::read_dir(folder).map_err(unlisted)?;
@@ -37,19 +37,19 @@ pub fn all(folder: &Path) -> Result<Vec<PathBuf>, PostError> {
     Ok(files)
 }
 
-/// A snapshot of a series, closed: an open one holds two files, and a process may have a thousand at once.
+/// A snapshot of a series, closed: an open one holds two files, and a process may have only a thousand open.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Snapshot {
-    /// Its particles file.
+    /// Path of the particles file.
     pub path: PathBuf,
-    /// Its step.
+    /// Step of the snapshot.
     pub step: u64,
 }
 
-/// Opens snapshots, each once and one after the other, and lists them by step.
+/// Opens snapshots one after the other, each once, and lists them by step.
 ///
 /// # Errors
-/// A file that is none, two of one step, or two that no one run can have written.
+/// If a file is not a snapshot, two are of one step, or two cannot come from one run.
 pub fn open(files: &[PathBuf]) -> Result<Vec<Snapshot>, PostError> {
     let mut files = files.to_vec();
     files.sort();
@@ -73,7 +73,7 @@ pub fn open(files: &[PathBuf]) -> Result<Vec<Snapshot>, PostError> {
     Ok(snapshots.into_iter().map(|(snapshot, _)| snapshot).collect())
 }
 
-/// What a run, with all its stages, cannot have done between two snapshots of rising step.
+/// Reason for which two snapshots of rising step cannot come from one run with all its stages.
 fn why_not_one_run(earlier: &Header, later: &Header) -> Option<String> {
     if later.time <= earlier.time {
         return Some(format!(
@@ -102,27 +102,27 @@ fn why_not_one_run(earlier: &Header, later: &Header) -> Option<String> {
         .then(|| "they have no shape in common".to_owned())
 }
 
-/// Where to measure in each snapshot of a series, and which contacts.
+/// Region and contacts for each snapshot of a series.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Choice {
-    /// The same for all.
+    /// Settings for all snapshots.
     pub settings: Settings,
-    /// Instead of the region: leave out a layer along the sides, which move with the walls.
+    /// Thickness of a layer along the sides to leave out, instead of a region; it moves with the walls.
     pub margin: Option<Margin>,
 }
 
-/// What was found of the snapshots of a series.
+/// Results for the snapshots of a series.
 #[derive(Debug, Default)]
 pub struct Analysed {
-    /// Of each.
+    /// Report of each snapshot.
     pub reports: Vec<Report>,
-    /// Of the last.
+    /// Picture of the last snapshot.
     pub picture: Picture,
-    /// How many are left out and why, as a line; empty if none is.
+    /// A line with the number of skipped snapshots and the reason; empty if none is skipped.
     pub left_out: String,
 }
 
-/// A line that says how many snapshots a measure leaves out, and for what.
+/// A line with the number of snapshots that a measure skips, and the reason.
 pub(super) fn left_out(name: &str, errors: &[impl Display], count: usize) -> String {
     errors.last().map_or_else(String::new, |last| {
         let left = errors.len();
@@ -130,11 +130,11 @@ pub(super) fn left_out(name: &str, errors: &[impl Display], count: usize) -> Str
     })
 }
 
-/// Analyses each snapshot. Strains are taken against the first; a single one has none. Snapshots of which a margin leaves nothing are
-/// left out, but not the last.
+/// Analyses each snapshot. Strains are relative to the first; a single snapshot has none. Snapshots of which a margin leaves
+/// nothing are skipped, except the last.
 ///
 /// # Errors
-/// See [`PostError`], with the file.
+/// See [`PostError`]; with the file.
 pub fn reports(snapshots: &[Snapshot], choice: &Choice) -> Result<Analysed, PostError> {
     let mut reports: Vec<Report> = Vec::new();
     let mut picture = Picture::default();
@@ -152,7 +152,7 @@ pub fn reports(snapshots: &[Snapshot], choice: &Choice) -> Result<Analysed, Post
             }
             let mut analysis = analyse(reader, &name, settings)?;
             if choice.margin.is_some() {
-                // The layer is taken off the box of the whole packing.
+                // The layer was taken off the box of the whole packing, so its warnings are those of the whole.
                 let packing = analysis.report.packing_m.as_ref();
                 analysis.report.doubts = doubts(reader.header(), &Region::Whole, packing);
             }
@@ -173,7 +173,7 @@ pub fn reports(snapshots: &[Snapshot], choice: &Choice) -> Result<Analysed, Post
             }
         }
     }
-    // The newest is what is shown first.
+    // The newest snapshot is shown first, so it must not be empty.
     let is_last_empty = reports.last().is_some_and(|report| report.summary.particles == 0);
     if is_anybody_there && is_last_empty {
         return Err(PostError::NobodyThere);

@@ -1,11 +1,12 @@
-//! How steep the free surface of a heap is.
+//! Angle of the free surface of a heap.
 //!
-//! Seen from above, the packing is cut into square columns, one diameter of the largest shape wide. The top of the highest grain whose
-//! centre is in a column is the height of the surface there. Columns are put together in strips one diameter wide, along an axis or around
-//! the vertical through the centre of mass. A line is fitted by least squares to the columns of all strips whose mean height is between 20 and
-//! 80 % of the way from the lowest to the highest strip: foot and top, which are round, are left out. `atan` of its slope is the angle.
-//! It is positive where the surface rises along the axis; of a cone it is taken towards the middle. A column without grains has no surface.
-//! Grains without contacts, which are in flight, are left out, unless no grain has any.
+//! Seen from above, the packing is divided into square columns, one diameter of the largest shape wide. The height of the surface
+//! in a column is the top of the highest particle with its centre there; a column without particles has no surface. Columns are
+//! combined into strips one diameter wide, along an axis or around the vertical through the centre of mass. A line is fitted by
+//! least squares to the columns of some strips: those with a mean height between 20 and 80 % of the way from the lowest to the
+//! highest strip. Foot and top, which are round, are left out. The angle is `atan` of the slope, positive where the surface rises
+//! along the axis, or for a cone towards the middle. Particles without contacts are in flight and left out, unless no particle
+//! has any.
 
 use super::check;
 use super::errors::MeasureError;
@@ -16,31 +17,31 @@ use crate::output::snapshot::Reader;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Along what the surface falls.
+/// Direction in which the surface falls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Direction {
     /// A plane that rises or falls along x.
     X,
-    /// The same along y.
+    /// A plane that rises or falls along y.
     Y,
     /// A cone around the vertical through the centre of mass.
     Radial,
 }
 
-/// The surface of a snapshot.
+/// Surface of a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Slope {
-    /// Its step.
+    /// Step of the snapshot.
     pub step: u64,
-    /// When [s].
+    /// Time of the snapshot [s].
     pub time_s: f64,
-    /// Angle against the horizontal [degrees].
+    /// Angle to the horizontal [degrees].
     pub angle_degrees: f64,
-    /// From the lowest to the highest strip [m].
+    /// Height from the lowest to the highest strip [m].
     pub height_m: f64,
-    /// Root mean square of what columns are off the line [m].
+    /// Root mean square distance of the columns from the line [m].
     pub scatter_m: f64,
-    /// Columns of the fit.
+    /// Number of columns of the fit.
     pub columns: u64,
 }
 
@@ -48,10 +49,10 @@ pub struct Slope {
 const FITTED: [f64; 2] = [0.2, 0.8];
 
 impl Slope {
-    /// Of a snapshot; of a region the grains whose centres it holds.
+    /// Surface of a snapshot; with a region, of the particles with centres in it.
     ///
     /// # Errors
-    /// A file that cannot be read or makes no sense, gravity that is not along -z, or too few columns.
+    /// If a file cannot be read or is invalid, gravity is not along -z, or there are too few columns.
     pub fn of(reader: &Reader, region: Region, along: Direction) -> Result<Self, MeasureError> {
         let header = reader.header();
         region.check(header)?;
@@ -61,7 +62,7 @@ impl Slope {
         }
         let width = Margin::Diameters(1.0).metres(reader)?;
         let any_touches = any_touches(reader)?;
-        // Of each column the highest place and the centre of its grain.
+        // For each column, the highest point and the centre of its particle.
         let mut tops: BTreeMap<[i64; 2], (f64, Vec3)> = BTreeMap::new();
         let (mut moment, mut mass) = (Vec3::zeros(), 0.0);
         for rows in pieces(reader.particle_count()) {
@@ -96,7 +97,7 @@ impl Slope {
             let at = match along {
                 Direction::X => place.x,
                 Direction::Y => place.y,
-                // Falls with the distance, so that rising towards the middle is positive.
+                // Decreases with the distance, so that rising towards the middle is positive.
                 Direction::Radial => -(place.x - middle.x).hypot(place.y - middle.y),
             };
             (at, top)
@@ -113,7 +114,7 @@ impl Slope {
     }
 }
 
-/// Has any grain a contact, so that those without are in flight?
+/// True if any particle has a contact, so that those without are in flight.
 fn any_touches(reader: &Reader) -> Result<bool, MeasureError> {
     for rows in pieces(reader.particle_count()) {
         if reader.particles(rows)?.coordination.iter().any(|&contacts| contacts > 0) {
@@ -131,7 +132,7 @@ struct Fit {
 }
 
 impl Fit {
-    /// Of columns: where along the surface, and how high [m].
+    /// Fit to columns, each a position along the surface and a height [m].
     fn of(columns: &[(f64, f64)], width: f64) -> Result<Self, MeasureError> {
         let mut strips: BTreeMap<i64, Vec<(f64, f64)>> = BTreeMap::new();
         for &column in columns {
@@ -162,7 +163,7 @@ impl Fit {
     }
 }
 
-/// Slope and offset of the line of least squares through points.
+/// Slope and offset of the least-squares line through points.
 pub(super) fn line(points: &[(f64, f64)]) -> (f64, f64) {
     let count = points.len() as f64;
     let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;

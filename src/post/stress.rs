@@ -1,4 +1,4 @@
-//! The mean stress of a region, from contact forces.
+//! Mean stress of a region, from contact forces.
 //!
 //! `σ_ij = (1/V) Σ f_i l_j` (Christoffersen, Mehrabadi and Nemat-Nasser 1981, DOI
 //! 10.1115/1.3157619; eq. 5 of Lai et al. 2021, where the branch is misprinted as a second `f`), with
@@ -6,18 +6,17 @@
 //!
 //! # Part of the packing
 //!
-//! Written per particle, `l = (x_c - x_A) - (x_c - x_B)`: each particle gives its force on the
-//! partner times the arm from its own centre to the contact point. A region takes the particles whose
-//! centres it holds, so the sums over disjoint regions add up to that of the whole.
+//! Per particle, `l = (x_c - x_A) - (x_c - x_B)`: each particle contributes its force on the partner times the arm from its own
+//! centre to the contact point. A region takes the particles with centres in it, so that sums over disjoint regions add up to
+//! that of the whole.
 //!
 //! # Walls
 //!
-//! The branch of a wall contact runs from the centre to the contact point, the middle of
-//! the overlap. A packing in rigid walls has other usual choices: with the branch to the wall's plane the
-//! stress is exactly wall force over wall area; without wall contacts it is too low by
-//! about one layer of particles. For 3 × 3 × 3 spheres in a box with an overlap of
-//! 1 % of the radius: 25,379 Pa as here, 25,337 Pa to the plane (and on the wall), 16,919 Pa
-//! without. The first two differ by one overlap per box length, half of it at each wall.
+//! The branch of a wall contact runs from the centre to the contact point, the middle of the overlap. Other choices are usual for
+//! a packing in rigid walls. With the branch to the wall's plane the stress is exactly wall force over wall area; without wall
+//! contacts it is too low by about one layer of particles. Example of 3 × 3 × 3 spheres in a box with an overlap of 1 % of the
+//! radius: 25,379 Pa here, 25,337 Pa to the plane (and on the wall), 16,919 Pa without. The first two differ by one overlap per
+//! box length, half of it at each wall.
 
 use super::PostError;
 use super::region::{ACROSS, Bounds, Members, enclosed, walls_across};
@@ -27,17 +26,17 @@ use crate::output::header::Header;
 use crate::output::tables::ContactTable;
 use serde::{Deserialize, Serialize};
 
-/// Adds up `Σ f_i l_j`.
+/// Sum `Σ f_i l_j`.
 #[derive(Clone, Debug, Default)]
 pub struct StressSum {
     sum: ExactMat3,
 }
 
 impl StressSum {
-    /// Adds these contacts, with all or the half that belongs to particles of the region.
+    /// Adds contacts, whole or the half that belongs to a particle of the region.
     ///
     /// # Errors
-    /// A contact of a particle that does not exist.
+    /// If a contact refers to a particle that does not exist.
     pub fn add_contacts(
         &mut self,
         contacts: &ContactTable,
@@ -66,15 +65,15 @@ impl StressSum {
         self.sum.value()
     }
 
-    /// The mean stress in a region of this volume [m³].
+    /// Mean stress in a region of this volume [m³].
     pub fn finish(&self, volume: f64) -> Stress {
         Stress { tensor: self.sum() / volume }
     }
 }
 
-/// Load over area of the walls across each axis [Pa], compression positive: the mean of both sides.
-/// `None` where a side has no wall, whose load the stress in between need not be, and where a side along the wall is open, so that
-/// its area is not known.
+/// Load over area of the walls across each axis [Pa], compression positive: the mean of both sides. `None` if one side has no
+/// wall: the stress in between may then differ from the load. `None` also if a side along the wall is open, so that its area is
+/// unknown.
 pub fn on_walls(header: &Header, packing: &Bounds) -> [Option<f64>; 3] {
     let (lengths, enclosed) = (packing.lengths(), enclosed(header));
     [0, 1, 2].map(|k| {
@@ -90,8 +89,8 @@ pub fn on_walls(header: &Header, packing: &Bounds) -> [Option<f64>; 3] {
     })
 }
 
-/// Shear stress over normal stress of the two walls that move along each other, the mean of both; `None` where none do or nothing
-/// presses on them.
+/// Shear stress over normal stress of the two walls that move along each other, the mean of both. `None` without such walls, or
+/// without normal load on them.
 pub fn shear_over_normal(header: &Header) -> Option<f64> {
     let of_axis = |axis: usize| {
         let [low, high] = walls_across(header, axis)?;
@@ -102,7 +101,7 @@ pub fn shear_over_normal(header: &Header) -> Option<f64> {
         if along(high.velocity - low.velocity) == 0.0 {
             return None;
         }
-        // Both are halved.
+        // Both would be halved in a mean.
         quotient(along(high.force - low.force), (high.force - low.force)[axis].abs())
     };
     (0..3).find_map(of_axis)
@@ -155,7 +154,7 @@ impl Stress {
         principal(&self.symmetric())
     }
 
-    /// Largest over smallest principal stress; `None` unless all are pressure.
+    /// Largest over smallest principal stress; `None` unless all are compressive.
     pub fn major_over_minor(&self) -> Option<f64> {
         let [largest, _, smallest] = self.principal().map(|p| p.value);
         (smallest > 0.0).then_some(largest / smallest)
@@ -165,13 +164,13 @@ impl Stress {
 /// One principal value of a symmetric tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Principal {
-    /// The value, in the tensor's unit.
+    /// Value, in the unit of the tensor.
     pub value: f64,
-    /// Its unit direction; of both signs the one that points up.
+    /// Unit direction; of both signs the upward one.
     pub direction: Vec3,
 }
 
-/// Principal values of a symmetric tensor, largest first.
+/// Principal values of a symmetric tensor, largest first, with their directions.
 pub(super) fn principal(tensor: &Mat3) -> [Principal; 3] {
     let eigen = tensor.symmetric_eigen();
     let mut order = [0, 1, 2];

@@ -1,12 +1,12 @@
-//! Arithmetic of tensors. Their sums are exact: the same digits whatever the order of the rows, hence
-//! whatever the number of ranks that wrote them.
+//! Arithmetic of tensors. Sums are exact: they have the same digits for any order of the rows, and so
+//! for any number of ranks that wrote them.
 
 use crate::math::{ExactSum, Mat3, Vec3};
 
-/// The exact sum of tensors.
+/// Exact sum of tensors.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ExactMat3 {
-    /// Row by row.
+    /// Entries row by row.
     entries: [ExactSum; 9],
 }
 
@@ -31,12 +31,12 @@ pub(super) mod rows {
     use crate::math::Mat3;
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    /// As rows.
+    /// Writes the tensor as rows.
     pub(crate) fn serialize<S: Serializer>(tensor: &Mat3, to: S) -> Result<S::Ok, S::Error> {
         <[[f64; 3]; 3]>::from(tensor.transpose()).serialize(to)
     }
 
-    /// From rows.
+    /// Reads the tensor from rows.
     pub(crate) fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Mat3, D::Error> {
         <[[f64; 3]; 3]>::deserialize(from).map(|rows| Mat3::from(rows).transpose())
     }
@@ -48,7 +48,7 @@ pub fn quotient(numerator: f64, denominator: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-/// The deviatoric part of a tensor.
+/// Deviatoric part of a tensor.
 pub fn deviator(tensor: &Mat3) -> Mat3 {
     tensor - Mat3::identity() * (tensor.trace() / 3.0)
 }

@@ -1,9 +1,8 @@
-//! The surface of a body as triangles and polygons, to be drawn.
+//! Surfaces of bodies as triangles and polygons, for pictures.
 //!
-//! Of a polyhedron these are its faces. Of any other convex body the points are its support points along the corners of a
-//! sphere of triangles (an icosahedron whose triangles were divided in four several times), which lie on its surface; the
-//! direction is the normal there. What is flat stays flat, and edges are as sharp as they are. A spherocylinder has its circles
-//! where its cylinder ends, so that this is straight.
+//! The surface of a polyhedron is its faces. For any other convex body the points are its support points along the corners of a
+//! subdivided icosahedron; the direction is the normal there. Flat parts stay flat, and edges stay sharp. A spherocylinder has
+//! circles at the ends of its cylinder, so that the cylinder is straight.
 
 use crate::math::Vec3;
 use crate::shape::union::Piece;
@@ -11,27 +10,27 @@ use crate::shape::{Core, Kind, Shape};
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
 
-/// The surface of a shape, in its axes and about its centre.
+/// Surface of a shape, in its axes and about its centre.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
-    /// Points on it [m].
+    /// Points on the surface [m].
     pub points: Vec<Vec3>,
-    /// The outward unit normal of each.
+    /// Outward unit normal at each point.
     pub normals: Vec<Vec3>,
-    /// The points of all faces, one face after the other, counter-clockwise seen from outside.
+    /// Points of all faces, one face after the other, counter-clockwise seen from outside.
     pub members: Vec<u32>,
-    /// Where in `members` each face ends.
+    /// End of each face in `members`.
     pub ends: Vec<u32>,
 }
 
-/// How often the triangles of an icosahedron are divided in four: 20, 80, 320, 1,280, ... remain.
+/// Number of subdivisions of the triangles of an icosahedron into four: 20, 80, 320, 1,280, ... triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Detail(u8);
 
 impl Detail {
-    /// More would be finer than any picture, and a grain would take a megabyte.
+    /// Finest detail: more would exceed the resolution of any picture, and a particle would take a megabyte.
     pub const FINEST: u8 = 5;
-    /// 1,280 triangles of a ball.
+    /// 1,280 triangles for a ball.
     pub const FINE: Self = Self(3);
 }
 
@@ -52,7 +51,7 @@ impl std::str::FromStr for Detail {
 }
 
 impl Surface {
-    /// Of a shape.
+    /// Surface of a shape.
     pub fn of(shape: &Shape, detail: Detail) -> Self {
         if let Shape::Union(body) = shape {
             let mut surface = Self::default();
@@ -79,7 +78,7 @@ impl Surface {
         surface
     }
 
-    /// Of a piece, in the axes of its body and about its centre.
+    /// Surface of a piece, in the axes of its body and about its centre.
     pub fn of_piece(Piece { shape, centre, rotation }: &Piece, detail: Detail) -> Self {
         let mut surface = Self::of(shape, detail);
         surface.points.iter_mut().for_each(|point| *point = centre + rotation * *point);
@@ -102,7 +101,7 @@ impl Surface {
             let corners = &facets.corners()[first..end as usize];
             first = end as usize;
             let begin = surface.points.len() as u32;
-            // A point for each face at a corner: each has the normal of its face.
+            // Each corner has a point for every face, with the normal of that face.
             for &corner in corners {
                 surface.points.push(facets.vertices()[corner as usize]);
                 surface.normals.push(plane.normal);
@@ -113,12 +112,12 @@ impl Surface {
         surface
     }
 
-    /// About the local x.
+    /// Surface of a spherocylinder along the local x.
     fn of_spherocylinder(half: f64, radius: f64, Detail(detail): Detail) -> Self {
         let around = 5_u32 << detail;
         let rings = (around / 4).max(1);
         let mut surface = Self::default();
-        // From the pole at -x to that at +x; the equator stands twice, once at each end of the cylinder.
+        // From the pole at -x to that at +x; the equator appears twice, once at each end of the cylinder.
         for end in [-1.0, 1.0] {
             for ring in 0..=rings {
                 let towards_equator = if end < 0.0 { ring } else { rings - ring };
@@ -147,7 +146,7 @@ impl Surface {
         surface
     }
 
-    /// Adds a face, unless it has two corners in one place.
+    /// Adds a face, unless two of its corners coincide.
     fn push(&mut self, corners: &[u32]) {
         let point = |k: usize| self.points[corners[k % corners.len()] as usize];
         if (0..corners.len()).all(|k| point(k) != point(k + 1)) {
@@ -156,14 +155,14 @@ impl Surface {
         }
     }
 
-    /// The faces, each by its points.
+    /// Points of each face.
     pub fn faces(&self) -> impl Iterator<Item = &[u32]> {
         let firsts = std::iter::once(0).chain(self.ends.iter().copied());
         firsts.zip(&self.ends).map(|(first, &end)| &self.members[first as usize..end as usize])
     }
 }
 
-/// Unit vectors and triangles of them, counter-clockwise seen from outside.
+/// Unit vectors and their triangles, counter-clockwise seen from outside.
 fn sphere(Detail(detail): Detail) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     const FACES: [[u32; 3]; 20] = [
         [0, 11, 5],

@@ -1,6 +1,7 @@
-//! VTP and VTI, the XML files of VTK for points, lines and polygons, and for grids: every ParaView since 5.0 opens them, and VTK, pyvista and `meshio`.
+//! VTP and VTI, the XML files of VTK for points, lines and polygons, and for grids. ParaView since 5.0, VTK, pyvista and `meshio`
+//! read them.
 //!
-//! Numbers stand in base64, each array with its length in front (`header_type="UInt64"`), little-endian, not compressed.
+//! Numbers are in base64, each array after its length (`header_type="UInt64"`), little-endian, not compressed.
 
 use crate::output::columns::Numbers;
 use crate::output::hdf5::Element;
@@ -14,26 +15,26 @@ pub struct Array {
     name: String,
     /// VTK's name of the type.
     kind: &'static str,
-    /// Numbers in a row.
+    /// Number of values in a row.
     width: usize,
     bytes: Vec<u8>,
 }
 
 impl Array {
-    /// Of rows of `width` numbers, one after the other.
+    /// An array of rows of `width` numbers, one after the other.
     pub fn new<T: Element>(name: &str, width: usize, values: &[T]) -> Self {
         let bytes = bytemuck::cast_slice(values).to_vec();
         Self { name: name.to_owned(), kind: T::VTK, width, bytes }
     }
 
-    /// A column of a snapshot, as its file has it.
+    /// A column of a snapshot, in its form in the file.
     pub fn of_column(name: &str, column: &dyn Numbers) -> Self {
         let (kind, width) = (column.vtk_name(), column.labels().len());
         Self { name: name.to_owned(), kind, width, bytes: column.bytes() }
     }
 }
 
-/// What cells are.
+/// Kind of cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cells {
     /// Single points.
@@ -44,24 +45,24 @@ pub enum Cells {
     Polygons,
 }
 
-/// Points, cells of one sort, and what is known of each.
+/// Points and cells of one kind, with their data.
 #[derive(Clone, Debug)]
 pub struct PolyData {
-    /// Of the snapshot [s].
+    /// Time of the snapshot [s].
     pub time: f64,
-    /// Rows of three.
+    /// Coordinates, in rows of three.
     pub points: Array,
-    /// How many points.
+    /// Number of points.
     pub point_count: usize,
-    /// What the cells are.
+    /// Kind of the cells.
     pub cells: Cells,
-    /// The points of all cells, one cell after the other.
+    /// Points of all cells, one cell after the other.
     pub members: Vec<i64>,
-    /// Where in `members` each cell ends.
+    /// End of each cell in `members`.
     pub ends: Vec<i64>,
-    /// Of each point.
+    /// Data of each point.
     pub of_points: Vec<Array>,
-    /// Of each cell.
+    /// Data of each cell.
     pub of_cells: Vec<Array>,
 }
 
@@ -69,7 +70,7 @@ impl PolyData {
     /// Writes a file.
     ///
     /// # Errors
-    /// The writer's.
+    /// If the writer fails.
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
         let counts = [Cells::Vertices, Cells::Lines, Cells::Polygons]
             .map(|kind| if kind == self.cells { self.ends.len() } else { 0 });
@@ -103,18 +104,18 @@ impl PolyData {
     }
 }
 
-/// Numbers of the cells of a grid.
+/// Data of the cells of a grid.
 #[derive(Clone, Debug)]
 pub struct ImageData {
-    /// Of the snapshot [s].
+    /// Time of the snapshot [s].
     pub time: f64,
-    /// How many cells along x, y, z.
+    /// Number of cells along x, y, z.
     pub cells: [usize; 3],
     /// Lowest corner of the grid [m].
     pub origin: [f64; 3],
     /// Sides of a cell [m].
     pub spacing: [f64; 3],
-    /// Of each cell, x fastest.
+    /// Data of each cell, x fastest.
     pub of_cells: Vec<Array>,
 }
 
@@ -122,7 +123,7 @@ impl ImageData {
     /// Writes a file, `.vti`.
     ///
     /// # Errors
-    /// The writer's.
+    /// If the writer fails.
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
         let [x, y, z] = self.cells;
         let extent = format!("0 {x} 0 {y} 0 {z}");
@@ -146,14 +147,14 @@ impl ImageData {
     }
 }
 
-/// Of half the size, where they fit.
+/// Array of indices in 32 bits if they fit, otherwise in 64.
 fn indices(name: &str, values: &[i64]) -> Array {
     let narrow: Result<Vec<i32>, _> = values.iter().map(|&value| value.try_into()).collect();
     narrow.map_or_else(|_| Array::new(name, 1, values), |narrow| Array::new(name, 1, &narrow))
 }
 
 fn section(out: &mut impl Write, name: &str, arrays: &[Array]) -> io::Result<()> {
-    // With this attribute VTK shades by them.
+    // With this attribute VTK uses the normals for shading.
     let is_normal = |array: &&Array| array.name == NORMALS;
     let normals = if name == "PointData" { arrays.iter().find(is_normal) } else { None };
     let attribute = normals.map_or(String::new(), |_| format!(" Normals=\"{NORMALS}\""));
@@ -176,14 +177,14 @@ fn section(out: &mut impl Write, name: &str, arrays: &[Array]) -> io::Result<()>
 /// Unit normals of points: with them a viewer shades curved surfaces smoothly.
 pub const NORMALS: &str = "Normals";
 
-/// The files of a series, one of each snapshot, with their times [s].
+/// Files of a series, one for each snapshot, with their times [s].
 pub type Files = Vec<(String, f64)>;
 
-/// Writes a list of files with their times, a `.pvd`, which ParaView plays. Of several series of the same snapshots it shows at each time the
-/// file of each, as parts 0, 1, ...
+/// Writes a list of files with their times, a `.pvd`, for ParaView. Several series of the same snapshots are shown together at
+/// each time, as parts 0, 1, ...
 ///
 /// # Errors
-/// The writer's.
+/// If the writer fails.
 pub fn write_list(out: &mut impl Write, parts: &[Files]) -> io::Result<()> {
     out.write_all(
         b"<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n",

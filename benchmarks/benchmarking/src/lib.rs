@@ -1,4 +1,5 @@
-//! The library of the benchmarks: grains of a scene, solids, lines over two axes, medians, tasks on all cores, the machine, runs of the program.
+//! Library of the benchmarks: particles of a scene, solids, line plots, medians, tasks on all cores, the machine, runs of the
+//! program.
 
 pub mod grains;
 pub mod lines;
@@ -11,7 +12,7 @@ use std::process::Command;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// Sorts values, one at least, and returns their median; of an even count the upper one.
+/// Sorts at least one value and returns the median; for an even count the upper one.
 pub fn median(values: &mut [f64]) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     values[values.len() / 2]
@@ -28,7 +29,7 @@ pub fn quartiles(mut values: Vec<f64>) -> [f64; 3] {
     })
 }
 
-/// Does `task` with each item, given with its index, on as many threads as there are cores. Answers are in the order of the items.
+/// Runs `task` on each item with its index, on as many threads as there are cores. Results are in the order of the items.
 pub fn in_parallel<T: Sync, R: Send>(items: &[T], task: impl Fn(usize, &T) -> R + Sync) -> Vec<R> {
     let (next, found) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     std::thread::scope(|scope| {
@@ -48,10 +49,10 @@ pub fn in_parallel<T: Sync, R: Send>(items: &[T], task: impl Fn(usize, &T) -> R 
     found.into_iter().map(|(_, answer)| answer).collect()
 }
 
-/// Runs a scene on so many ranks, with keys set to other values; goes on if it was stopped.
+/// Runs a scene on this number of ranks, with keys set to other values; continues an interrupted run.
 ///
 /// # Errors
-/// If it does not start, or fails.
+/// If the program does not start, or fails.
 pub fn simulate(
     program: &str,
     scene: &Path,

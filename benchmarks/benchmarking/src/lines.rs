@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use std::fs;
 use std::path::Path;
 
-/// Okabe and Ito's colours.
+/// Colours of Okabe and Ito.
 const COLOURS: [RGBColor; 6] = [
     RGBColor(0x00, 0x72, 0xB2),
     RGBColor(0xD5, 0x5E, 0x00),
@@ -16,18 +16,18 @@ const COLOURS: [RGBColor; 6] = [
     RGBColor(0x56, 0xB4, 0xE9),
 ];
 
-/// A line and its name.
+/// A named line.
 pub struct Line {
-    /// As the legend has it.
+    /// Name in the legend.
     pub name: String,
-    /// Along both axes.
+    /// Points along both axes.
     pub points: Vec<(f64, f64)>,
 }
 
-/// Draws lines over two axes, and their points where they are few.
+/// Draws lines over two axes, with marks at their points if these are few.
 ///
 /// # Errors
-/// If it cannot be drawn or written.
+/// If the plot cannot be drawn or written.
 pub fn draw<X, Y>(
     path: &Path,
     [across, up]: [&str; 2],

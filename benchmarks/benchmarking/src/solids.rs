@@ -2,18 +2,18 @@
 
 use dem_grains::math::Vec3;
 
-/// With these full edges.
+/// Corners of a cuboid with these full edges.
 pub fn cuboid(edges: Vec3) -> Vec<Vec3> {
     let side = |k: u32, i: usize| if k >> i & 1 == 1 { 0.5 * edges[i] } else { -0.5 * edges[i] };
     (0..8).map(|k| Vec3::from_fn(|i, _| side(k, i))).collect()
 }
 
-/// An irregular one.
+/// Corners of an irregular tetrahedron.
 pub fn tetrahedron() -> Vec<Vec3> {
     [[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 0.9, -0.1], [0.3, 0.2, 0.8]].map(Vec3::from).to_vec()
 }
 
-/// With edges of length 1.
+/// Corners of an icosahedron with edges of length 1.
 pub fn icosahedron() -> Vec<Vec3> {
     let golden = 0.5 * (1.0 + 5_f64.sqrt());
     let corner = |k: u32| {

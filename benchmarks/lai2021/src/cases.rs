@@ -1,5 +1,5 @@
-//! The pairs of Lai et al. (2021), section 2.1: A at the origin, its axes along x, y, z; B placed so that the
-//! overlap is as wanted. Lengths in metres, short axis 1 m (semi-axis 0.5 m).
+//! Pairs of Lai et al. (2021), section 2.1: A at the origin, with its axes along x, y, z; B placed for the
+//! requested overlap. Lengths are in metres, the short axis is 1 m (semi-axis 0.5 m).
 
 use dem_mpi::contact::{CommonNormal, ContactResolver, Posed};
 use dem_mpi::math::{Mat3, Quat, Vec3};
@@ -7,10 +7,10 @@ use dem_mpi::pairs::{Body, Pairs, signed};
 use dem_mpi::random::Random;
 use dem_mpi::shape::{Ellipsoid, Shape, Sphere};
 
-/// Offset of B's centre along y in Cases I and II [m].
+/// Offset of the centre of B along y in Cases I and II [m].
 pub const OFFSET: f64 = 0.35;
 
-/// How the random pairs of Case III are drawn; the paper does not say.
+/// Sampling of the random pairs of Case III, which the paper does not specify.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampling {
     /// The direction from centre to centre is uniform.
@@ -24,11 +24,11 @@ fn grain(long_axis: f64) -> Shape {
     Shape::Ellipsoid(Ellipsoid { semi_axes: Vec3::new(0.5 * long_axis, 0.5, 0.5) })
 }
 
-/// Where the centre of B stands, seen from the centre of A: on the line from `foot`, its point nearest to A, along
-/// the unit vector `along`, as far out as the wanted overlap allows (negative: a clearance) [m].
+/// Position of the centre of B relative to the centre of A [m]. It lies on the line from `foot`, its point nearest
+/// to A, along the unit vector `along`, where the overlap has the requested value (negative: a clearance).
 ///
-/// As the difference of the bodies is convex, the overlap is a concave function of the place on the
-/// line, with slope `-n · along`: Newton's method from outside comes nearer from one side only.
+/// The difference of the bodies is convex, so that the overlap is a concave function of the place on the line,
+/// with slope `-n · along`. Newton's method from outside therefore converges from one side only.
 fn place(a: &Posed, b: &Posed, foot: &Vec3, along: &Vec3, overlap: f64) -> Vec3 {
     const STEPS: usize = 100;
     let reach = a.shape.bounding_radius() + b.shape.bounding_radius();
@@ -52,7 +52,7 @@ fn add(pairs: &mut Pairs, name: String, shape: &Shape, rotation: Quat, r: Vec3) 
     pairs.push(name, a, b).expect("a case has few shapes");
 }
 
-/// Adds a pair whose long axes lie in the plane of x and y, `degrees` between them.
+/// Adds a pair whose long axes lie in the plane of x and y at an angle of `degrees`.
 fn add_in_plane(
     pairs: &mut Pairs,
     name: String,
@@ -71,7 +71,7 @@ fn add_in_plane(
     add(pairs, name, &shape, rotation, r);
 }
 
-/// Case I: parallel 1:2 ellipsoids, B's centre at `y` [m], one pair for each overlap [m] (negative: a
+/// Case I: parallel 1:2 ellipsoids, with the centre of B at `y` [m], one pair for each overlap [m] (negative: a
 /// clearance).
 pub fn case_1(y: f64, overlaps: &[f64]) -> Pairs {
     let mut pairs = Pairs::default();
@@ -86,8 +86,8 @@ pub fn overlaps_of_case_1() -> Vec<f64> {
     (0..=25).map(|k| f64::from(k) / 500.0).collect()
 }
 
-/// Case II: B turned about z by each angle [°], for each long axis [m], at an overlap of 0.02 m. The angles
-/// of a long axis follow each other.
+/// Case II: B rotated about z by each angle [°], for each long axis [m], at an overlap of 0.02 m. The angles of
+/// one long axis are consecutive.
 pub fn case_2(long_axes: &[f64], degrees: &[f64]) -> Pairs {
     let mut pairs = Pairs::default();
     for long_axis in long_axes {
@@ -104,7 +104,7 @@ pub fn steps(first: f64, last: f64, count: u32) -> Vec<f64> {
     (0..=count).map(|k| first + (last - first) * f64::from(k) / f64::from(count)).collect()
 }
 
-/// Whether random pairs touch.
+/// Kind of random pairs: touching or separate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meeting {
     /// Overlap uniform in 0 to 0.05 m.
@@ -114,7 +114,7 @@ pub enum Meeting {
 }
 
 impl Meeting {
-    /// Zero is left out: relative errors have no meaning there.
+    /// An overlap of zero is excluded: relative errors have no meaning there.
     fn overlap(self, random: &mut Random) -> f64 {
         let part = 1.0 - random.unit();
         match self {
@@ -124,7 +124,7 @@ impl Meeting {
     }
 }
 
-/// Case III: 1:2 ellipsoids, B turned at random. A pair depends on the seed and its number alone.
+/// Case III: 1:2 ellipsoids, B in a random orientation. A pair depends on the seed and its number alone.
 pub fn case_3(meeting: Meeting, sampling: Sampling, count: usize, seed: u64) -> Pairs {
     let shape = grain(2.0);
     let upright = Mat3::identity();
@@ -139,7 +139,7 @@ pub fn case_3(meeting: Meeting, sampling: Sampling, count: usize, seed: u64) -> 
         let b = Posed::new(&shape, frame.matrix());
         let r = match sampling {
             Sampling::CentreLine => place(&a, &b, &Vec3::zeros(), &direction, overlap),
-            // An overlap below the least radii of curvature leaves this normal the nearest.
+            // With an overlap below the least radii of curvature, this normal remains that of least overlap.
             Sampling::Normal => {
                 a.support(&direction) - b.support(&-direction) - direction * overlap
             }

@@ -1,84 +1,85 @@
-//! What the reports on both sections share: statements of the paper beside findings, verdicts, tables.
+//! Common parts of the reports on both sections: statements of the paper beside findings, verdicts,
+//! tables.
 
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
-/// A statement of the paper, and what came of it.
+/// A statement of the paper, with the finding on it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
-    /// By which other findings refer to it; of one section no two are equal.
+    /// Name by which other findings refer to it, unique within a section.
     pub name: &'static str,
-    /// The figure or table of the paper, or its section.
+    /// Figure, table or section of the paper.
     pub figure: &'static str,
-    /// What the paper says.
+    /// Statement of the paper.
     pub statement: &'static str,
-    /// What was found here, with numbers.
+    /// Finding of this code, with numbers.
     pub here: String,
-    /// What follows from them.
+    /// Verdict on the statement.
     pub verdict: Verdict,
 }
 
-/// Does a statement reproduce? From the best to the worst.
+/// Verdicts on whether a statement is reproduced, from the best to the worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Verdict {
-    /// It does.
+    /// The statement is reproduced.
     #[serde(rename = "reproduces")]
     Yes,
-    /// With a restriction that the numbers show.
+    /// The statement is reproduced with a restriction that the numbers show.
     #[serde(rename = "nearly")]
     Nearly,
-    /// It does not.
+    /// The statement is not reproduced.
     #[serde(rename = "does not")]
     No,
-    /// Numbers are missing.
+    /// There are no numbers.
     #[serde(rename = "no data")]
     Untold,
 }
 
-/// What a finding is about.
+/// Subject of a finding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kind {
     /// A statement of the paper on what it found.
     #[serde(rename = "statement")]
     Statement,
-    /// A condition that the paper sets: it holds because the runs were set up so.
+    /// A condition of the paper, fulfilled by the setup of the runs.
     #[serde(rename = "setting")]
     Setting,
-    /// A check of this code's runs, which the paper does not state.
+    /// A check of the runs of this code, without a statement of the paper.
     #[serde(rename = "check")]
     Check,
 }
 
-/// How the paper's erosion is read; it can be read both ways.
+/// The two possible readings of erosion in the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Reading {
-    /// Erosion of bodies that GJK finds touching ("GJK + GJK-erosion", table 1).
+    /// Erosion of bodies found touching by GJK ("GJK + GJK-erosion", table 1).
     #[serde(rename = "GJK + erosion")]
     Checked,
-    /// Erosion of all bodies that come near; it also finds pairs of small clearance (fig. 3).
+    /// Erosion of all bodies near each other; it also finds pairs with a small clearance (fig. 3).
     #[serde(rename = "erosion")]
     Alone,
 }
 
 impl Reading {
-    /// Both.
+    /// Both readings.
     pub const ALL: [Self; 2] = [Self::Checked, Self::Alone];
 }
 
 /// A finding as a row of `findings.csv`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Row {
-    /// The part of the paper.
+    /// Part of the paper.
     pub part: String,
     /// See [`Finding::name`].
     pub name: String,
-    /// What it is about.
+    /// Subject of the finding.
     pub kind: Kind,
     /// See [`Finding::figure`].
     pub figure: String,
     /// See [`Finding::statement`].
     pub statement: String,
-    /// How erosion was read.
+    /// Reading of erosion.
     pub reading: Reading,
     /// See [`Finding::here`].
     pub here: String,
@@ -87,7 +88,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// A finding of this part of the paper, with erosion read so.
+    /// A finding on this part of the paper, with this reading of erosion.
     pub fn new(part: &str, kind: Kind, reading: Reading, finding: Finding) -> Self {
         let Finding { name, figure, statement, here, verdict } = finding;
         Self {
@@ -104,12 +105,12 @@ impl Row {
 }
 
 impl Verdict {
-    /// Of a statement that holds or does not.
+    /// Verdict on a statement that holds or does not.
     pub const fn of(holds: bool) -> Self {
         if holds { Self::Yes } else { Self::No }
     }
 
-    /// Of a number that is to be small: at most `yes`, or at most `nearly`.
+    /// Verdict on a number that should be small: at most `yes`, or at most `nearly`.
     pub fn small(size: f64, yes: f64, nearly: f64) -> Self {
         match size.abs() {
             size if size <= yes => Self::Yes,
@@ -118,13 +119,13 @@ impl Verdict {
         }
     }
 
-    /// The worst of those that can be told.
+    /// The worst of the verdicts with data.
     pub fn worst(verdicts: impl IntoIterator<Item = Self>) -> Self {
         let told = verdicts.into_iter().filter(|v| *v != Self::Untold);
         told.max().unwrap_or(Self::Untold)
     }
 
-    /// In tables to read.
+    /// Words for tables.
     pub const fn words(self) -> &'static str {
         match self {
             Self::Yes => "reproduces",
@@ -135,7 +136,7 @@ impl Verdict {
     }
 }
 
-/// Findings as a Markdown table; `whose` heads the column of statements.
+/// Findings as a Markdown table; `whose` is the head of the column of statements.
 pub fn table(whose: &str, findings: &[Finding]) -> String {
     let mut table = format!("| | {whose} | here | verdict |\n|---|---|---|---|\n");
     for f in findings {

@@ -1,18 +1,19 @@
-//! Lai, Zhao, Zhao and Huang (2021), *Revisiting the GJK and shape erosion method for contact resolution in DEM*,
-//! with dem-mpi: its cases, figures and tables, each statement beside this code's number and a verdict.
+//! Reproduction of Lai, Zhao, Zhao and Huang (2021), *Revisiting the GJK and shape erosion method for contact
+//! resolution in DEM*, with dem-mpi: its cases, figures and tables, with each statement beside the number of this
+//! code and a verdict.
 //!
-//! | module | what it is |
+//! | module | content |
 //! |---|---|
 //! | [`cases`] | the pairs of section 2 |
 //! | [`findings`] | statements, findings, verdicts |
 //! | [`single_contact`] | section 2: figures 5 to 8, table 1 |
 //! | [`triaxial`] | section 3, from the snapshots of runs: figures 9 to 14 |
-//! | [`packed`] | the pairs of a packing, by themselves |
-//! | [`sensitivity`] | what the packings of section 3 depend on |
+//! | [`packed`] | pairs of a packing, resolved alone |
+//! | [`sensitivity`] | dependence of the packings of section 3 on the parameters |
 //! | [`statements`] | all statements in one table with counts, and the conclusions |
 //! | [`spread`] | means and deviations of packings of one kind |
 //! | [`simulation`] | runs of dem-mpi under mpirun |
-//! | [`record`] | what is kept of a part: its files, and where they come from |
+//! | [`record`] | files of a part, with their origin |
 
 pub mod cases;
 pub mod findings;

@@ -30,10 +30,10 @@ enum Command {
     Generate {
         #[arg(value_enum)]
         case: Case,
-        /// How many random pairs to draw
+        /// Number of random pairs to draw
         #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
         count: u32,
-        /// Of the random pairs: the same seed gives the same pairs on every machine
+        /// Seed of the random pairs: the same seed gives the same pairs on every machine
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
@@ -55,7 +55,7 @@ enum Command {
     /// The runs of section 3 (packing, consolidation, triaxial compression) and section-3 of them. Stopped at any moment
     /// they go on from their newest snapshots when called again with the same words
     Triaxial(stages::Plan),
-    /// What contacts cost in the runs of triaxial, beside the same pairs by themselves
+    /// Cost of contacts in the runs of triaxial, beside the same pairs resolved alone
     Cost(cost::Plan),
     /// Section 3: figures 9 to 14, from the runs DIR/METHOD/STAGE, METHOD being common-normal, epa, gjk-erosion,
     /// gjk-gjk-erosion and STAGE packing, consolidation, shear
@@ -70,12 +70,12 @@ enum Command {
         #[command(flatten)]
         measured: Measured,
     },
-    /// How the packings of section 3 depend on erosion ratio and stiffness, shape, gravity and rate. Stopped at any moment it
-    /// goes on when called again with the same words
+    /// Dependence of the packings of section 3 on erosion ratio and stiffness, shape, gravity and rate. Stopped at any moment
+    /// it goes on when called again with the same words
     Sensitivity(sensitivity::Plan),
     /// Every statement in one table with counts: statements.md and statements.csv
     Statements {
-        /// What section-2, section-3 and sensitivity wrote
+        /// Folders written by section-2, section-3 and sensitivity
         #[arg(required = true, value_name = "DIR")]
         folders: Vec<PathBuf>,
         /// Where to write [default: the last DIR]
@@ -101,7 +101,7 @@ enum Case {
     Apart,
 }
 
-/// Where and among what to measure in packings.
+/// Region and contacts to measure in packings.
 #[derive(Args)]
 struct Measured {
     /// Measure only in this box, in metres; a particle belongs to it if its centre does
@@ -124,9 +124,9 @@ impl Measured {
     }
 }
 
-/// A run of dem-mpi failed.
+/// Exit status after a failed run of dem-mpi.
 const FAILED: u8 = 1;
-/// An argument is wrong, or something cannot be read or written.
+/// Exit status after a wrong argument, or a file that cannot be read or written.
 const WRONG_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
@@ -182,10 +182,10 @@ fn run(command: Command) -> Result<()> {
     Ok(())
 }
 
-/// Where section 2 is written.
+/// Output folder of section 2.
 const SINGLE_CONTACT: &str = "out/paper/single-contact";
 
-/// Every part after the other; what was done before is not run again.
+/// Runs all parts in turn; finished parts are not run again.
 fn all(quick: bool) -> Result<()> {
     use triaxial::Method::{CheckedErosion, CommonNormal, Epa, Erosion};
     in_the_checkout()?;
@@ -221,7 +221,7 @@ fn in_the_checkout() -> Result<()> {
 
 fn look_at(page: &Path) {
     let page = page.canonicalize().unwrap_or_else(|_| page.to_path_buf());
-    // A reader that stops early is no error: the files are written by then.
+    // A reader that stops early is not an error: the files are written by then.
     let _ = writeln!(std::io::stdout(), "\nLook at the figures:  {}", page.display());
 }
 
@@ -235,7 +235,7 @@ fn generate(case: Case, count: usize, seed: u64) -> Pairs {
     }
 }
 
-/// A reader that stops early, such as `head`, is no error.
+/// True for a closed pipe: a reader that stops early, such as `head`, is not an error.
 fn is_closed_pipe(error: &anyhow::Error) -> bool {
     let kind = match error.downcast_ref::<csv::Error>().map(csv::Error::kind) {
         Some(csv::ErrorKind::Io(error)) => Some(error.kind()),

@@ -1,4 +1,4 @@
-//! The pairs of a packing as it lies, to be resolved by themselves.
+//! Pairs of a packing, resolved alone.
 
 use anyhow::Result;
 use dem_mpi::ids::GlobalId;
@@ -12,10 +12,10 @@ use std::path::Path;
 pub struct Packed(Vec<([GlobalId; 2], Body, Body)>);
 
 impl Packed {
-    /// Those of a snapshot.
+    /// Pairs of a snapshot.
     ///
     /// # Errors
-    /// A snapshot that cannot be read.
+    /// If the snapshot cannot be read.
     pub fn read(snapshot: &Path) -> Result<Self> {
         let reader = Reader::open(snapshot)?;
         let (header, table) = (reader.header(), reader.particles(0..reader.particle_count())?);
@@ -45,23 +45,23 @@ impl Packed {
         Ok(Self(pairs))
     }
 
-    /// How many there are.
+    /// Number of pairs.
     pub const fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// Is there none?
+    /// True without pairs.
     pub const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// These of them, in this order.
+    /// Selected pairs, in the order of `which`.
     #[must_use]
     pub fn some(&self, which: &[usize]) -> Self {
         Self(which.iter().map(|&pair| self.0[pair].clone()).collect())
     }
 
-    /// As resolvers take them.
+    /// The pairs for resolvers.
     ///
     /// # Errors
     /// See [`TooManyShapes`].

@@ -1,4 +1,4 @@
-//! What is kept of a part of the study: its files, and in `machine.txt` where they come from.
+//! Record of a part of the study: its files, with their origin in `machine.txt`.
 
 use anyhow::{Context, Result};
 use benchmarking::machine::{cores, processor, said};
@@ -6,10 +6,10 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// Writes these files, names and contents, into a folder, which is made.
+/// Writes these files, given by names and contents, into a folder, which is created.
 ///
 /// # Errors
-/// The system's, with the path.
+/// If a file cannot be written, with its path.
 pub fn store(folder: &Path, files: &[(String, String)]) -> Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     for (name, text) in files {
@@ -19,12 +19,11 @@ pub fn store(folder: &Path, files: &[(String, String)]) -> Result<()> {
     Ok(())
 }
 
-/// What decides the numbers: a change to it since the commit is said.
+/// Sources that determine the numbers: changes since the commit are reported.
 const SOURCES: [&str; 6] =
     ["src", "run", "benchmarks/lai2021", ".cargo", "Cargo.toml", "Cargo.lock"];
 
-/// The text of `machine.txt`: the command that made the record, the commit, the day, the machine, `more` about it, the
-/// compiler.
+/// Text of `machine.txt`: command, commit, date, machine, `more` on the machine, and compiler.
 pub fn machine(command: &str, more: &str) -> String {
     let is_committed = Command::new("git")
         .args(["diff", "--quiet", "HEAD", "--"])
@@ -49,7 +48,7 @@ pub fn machine(command: &str, more: &str) -> String {
     lines.map(|(what, is)| format!("{what:<8} {is}\n")).concat()
 }
 
-/// The short hash of the commit that is checked out, if there is one.
+/// Short hash of the commit that is checked out, if there is one.
 pub fn short_commit() -> Option<String> {
     Some(output("git", &["log", "-1", "--format=%h"])).filter(|hash| !hash.is_empty())
 }
@@ -59,7 +58,7 @@ fn kernel(what: &str) -> String {
     text.trim().to_owned()
 }
 
-/// What a program prints; empty if it is not there or fails.
+/// Output of a program; empty if it is missing or fails.
 fn output(program: &str, arguments: &[&str]) -> String {
     said(program, arguments).unwrap_or_default()
 }

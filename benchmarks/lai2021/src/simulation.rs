@@ -1,4 +1,4 @@
-//! Runs of dem-mpi under mpirun, which end with this program by a snapshot.
+//! Runs of dem-mpi under mpirun, which end with a snapshot when this program is stopped.
 
 use benchmarking::machine::cores;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -11,63 +11,63 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// The checkout that this program was built from, the current directory of all runs: their scenes are there, and where
-/// nothing else is asked for their output is in its `out`.
+/// The checkout from which this program was built, the current directory of all runs. Their scenes are in it; the default
+/// output is in its `out`.
 pub const CHECKOUT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-/// A path that is the same from any current directory.
+/// A path independent of the current directory.
 ///
 /// # Errors
-/// The system's.
+/// If the system cannot make it absolute.
 pub fn absolute(path: &str) -> io::Result<PathBuf> {
     std::path::absolute(path)
 }
 
-/// Exit status of a program that SIGTERM ended, as a shell has it.
+/// Exit status of a program that SIGTERM ended, as a shell reports it.
 pub const STOPPED: u8 = 143;
 
-/// Why a run did not do all its steps.
+/// Reasons for which a run did not do all its steps.
 #[derive(Debug, thiserror::Error)]
 pub enum SimulationError {
     /// dem-mpi or mpirun failed.
     #[error("{what} has not ended well, {status}: see {log}", log = log.display())]
     Failed {
-        /// The run.
+        /// Name of the run.
         what: String,
-        /// How mpirun ended.
+        /// Exit status of mpirun.
         status: ExitStatus,
-        /// Where it says why.
+        /// File with the cause.
         log: PathBuf,
     },
     /// A signal asked this program to end; the run has written a snapshot.
     #[error("{what} was stopped by a signal; the same command goes on with it")]
     Stopped {
-        /// The run.
+        /// Name of the run.
         what: String,
     },
     /// mpirun could not be started, or its output not be written.
     #[error("{what}: {cause}")]
     System {
-        /// What was tried.
+        /// The attempted action.
         what: String,
-        /// What the system says.
+        /// Error of the operating system.
         cause: io::Error,
     },
 }
 
-/// SIGTERM and SIGINT: they end this program at once, but while dem-mpi runs they are passed on to it.
+/// SIGTERM and SIGINT. They end this program at once, except while dem-mpi runs, when they are passed on to it.
 pub struct Signals {
     end_at_once: Arc<AtomicBool>,
     received: Arc<AtomicBool>,
-    /// Runs under way.
+    /// Number of active runs.
     runs: Mutex<usize>,
 }
 
 impl Signals {
-    /// Takes both signals from now on.
+    /// Handles both signals from now on.
     ///
     /// # Errors
-    /// The system's.
+    /// If the handlers cannot be installed.
     pub fn take() -> io::Result<Self> {
         let signals = Self {
             end_at_once: Arc::new(AtomicBool::new(true)),
@@ -86,7 +86,7 @@ impl Signals {
         Ok(signals)
     }
 
-    /// Ends all runs as if a signal had come.
+    /// Ends all runs as after a signal.
     pub fn stop(&self) {
         self.received.store(true, Ordering::SeqCst);
     }
@@ -95,7 +95,7 @@ impl Signals {
         self.received.load(Ordering::SeqCst)
     }
 
-    /// Counts the runs under way by one more, or one less.
+    /// Changes the number of active runs by one.
     fn count(&self, change: isize) {
         let mut runs = self.runs.lock().unwrap_or_else(PoisonError::into_inner);
         *runs = runs.saturating_add_signed(change);
@@ -103,30 +103,30 @@ impl Signals {
     }
 }
 
-/// Where a program of dem-mpi is: beside this one.
+/// Path of a program of dem-mpi, beside this one.
 ///
 /// # Errors
-/// If this program does not know where it is.
+/// If the path of this program is unknown.
 pub fn program(name: &str) -> io::Result<PathBuf> {
     Ok(std::env::current_exe()?.with_file_name(name))
 }
 
-/// dem-mpi with a scene on so many ranks, by the mpirun of the environment.
+/// Command for dem-mpi with a scene on this number of ranks, by the mpirun of the environment.
 ///
 /// # Errors
-/// If this program does not know where it is.
+/// If the path of this program is unknown.
 pub fn dem_mpi(ranks: u32, scene: &str, arguments: &[String]) -> io::Result<Command> {
     let mut command = Command::new(std::env::var_os("MPIRUN").unwrap_or("mpirun".into()));
     command.args(["-n", &ranks.to_string()]).arg(program("dem-mpi")?).arg(scene);
     command.args(arguments);
     if ranks as usize > cores() {
-        // A rank that waits must give way, as in run/environment.
+        // A waiting rank must yield its core, as in run/environment.
         command.env("OMPI_MCA_mpi_yield_when_idle", "1");
     }
     Ok(command)
 }
 
-/// Runs `command` to its end; what it prints is appended to `log` and, if `aloud`, printed. `what` names the run in errors.
+/// Runs `command` to its end. Its output is appended to `log` and, if `aloud`, printed. `what` names the run in errors.
 ///
 /// # Errors
 /// See [`SimulationError`].
@@ -147,14 +147,14 @@ pub fn run(
         SimulationError::System { what: format!("cannot write {}", log.display()), cause }
     })?;
     command.stdin(Stdio::null()).stdout(to.try_clone().map_err(failed)?).stderr(to);
-    // In a group of its own, as a terminal's Ctrl-C is for this program, which asks for a snapshot.
+    // In its own process group: Ctrl-C in a terminal reaches only this program, which asks for a snapshot.
     command.process_group(0);
     signals.count(1);
     let child = command.spawn().map_err(|cause| SimulationError::System {
         what: format!("cannot start {}", command.get_program().display()),
         cause,
     });
-    // With the command go its ends of the pipe.
+    // Drops the command's ends of the pipe.
     drop(command);
     let ended = child.and_then(|child| {
         let copy = std::thread::spawn(move || copied(from, file, aloud));
@@ -173,7 +173,7 @@ pub fn run(
     }
 }
 
-/// With this status dem-mpi ends a stage whose `[stop]` was not reached: some packings of the paper's methods never rest.
+/// Exit status of dem-mpi for a stage whose `[stop]` was not reached: some packings of the paper's methods never rest.
 const UNMET: i32 = 4;
 
 /// Waits for the end of the run, and passes a signal on.
@@ -192,7 +192,7 @@ fn ended(mut child: Child, signals: &Signals) -> io::Result<ExitStatus> {
     }
 }
 
-/// Copies all that comes out of a pipe.
+/// Copies everything from a pipe to the file.
 fn copied(mut from: PipeReader, mut file: File, aloud: bool) -> io::Result<()> {
     let mut bytes = [0; 1 << 13];
     loop {
@@ -202,7 +202,7 @@ fn copied(mut from: PipeReader, mut file: File, aloud: bool) -> io::Result<()> {
         }
         file.write_all(&bytes[..count])?;
         if aloud {
-            // Nobody has to look.
+            // Printing may fail: nobody has to read it.
             let _ = io::stdout().write_all(&bytes[..count]);
         }
     }

@@ -1,4 +1,4 @@
-//! What chance does to numbers of the same kind.
+//! Random scatter of numbers of one kind.
 
 use dem_mpi::post::report::readable;
 use std::fmt::{self, Display};
@@ -8,14 +8,14 @@ use std::fmt::{self, Display};
 pub struct Spread {
     /// The mean.
     pub mean: f64,
-    /// The standard deviation, 0 of one value.
+    /// Standard deviation, 0 for one value.
     pub deviation: f64,
-    /// Of how many values.
+    /// Number of values.
     pub count: usize,
 }
 
 impl Spread {
-    /// Of at least one value.
+    /// Spread of at least one value.
     pub fn of(values: &[f64]) -> Self {
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
@@ -25,7 +25,7 @@ impl Spread {
     }
 }
 
-/// The mean, and the deviation of several values.
+/// Writes the mean, with the deviation of several values.
 impl Display for Spread {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(&readable(self.mean))?;

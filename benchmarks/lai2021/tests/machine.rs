@@ -6,14 +6,14 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-/// A folder with an `mpirun` of its own.
+/// A folder with its own `mpirun`.
 pub(crate) struct Machine(tempfile::TempDir);
 
 impl Machine {
-    /// `last` is what mpirun does at the end of a call.
+    /// `last` is the command that mpirun runs at the end of a call.
     pub(crate) fn new(last: &str) -> Self {
         let machine = Self(tempfile::tempdir().unwrap());
-        // The last two are on the plateau.
+        // The last two strains are on the plateau.
         let states = [
             ("packing", 100, 0.021),
             ("consolidation", 200, 0.02),
@@ -48,7 +48,7 @@ impl Machine {
         fs::read_to_string(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
     }
 
-    /// What mpirun was called with, without what differs from checkout to checkout.
+    /// Arguments of the calls of mpirun, without the paths of the checkout.
     pub(crate) fn calls(&self) -> Vec<String> {
         let text = self.text("calls").replace(self.0.path().to_str().unwrap(), "HERE");
         let call = |line: &str| {

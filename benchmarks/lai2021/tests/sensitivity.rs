@@ -1,4 +1,4 @@
-//! The tables of the sensitivity study, against those of the record, and its triaxial tests.
+//! The tables of the sensitivity study against those of the record, and its triaxial tests.
 
 use crate::machine::Machine;
 use lai2021::sensitivity::plot::Plot;
@@ -91,12 +91,12 @@ fn responses_come_from_tests_of_their_own() {
     assert!(calls.iter().all(|call| call.starts_with("-n 1 ")), "{calls:?}");
     let fine = calls.iter().filter(|call| call.contains("contact.erosion_ratio=0.01"));
     assert_eq!(fine.count(), 6);
-    // What is there is not run again.
+    // Finished tests are not run again.
     assert_eq!(machine.run("sensitivity", &["--only", "response", "--seeds", "1"]).0, Some(0));
     assert_eq!(machine.calls().len(), 24);
 }
 
-/// Both rates from one consolidated packing.
+/// Both rates start from one consolidated packing.
 #[test]
 fn rates_are_compared_by_their_curves() {
     let machine = Machine::new("");

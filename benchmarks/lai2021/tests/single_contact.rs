@@ -1,4 +1,4 @@
-//! Section 2 of the paper against the independent reference: see `tests/reference/README.md`.
+//! Section 2 of the paper against the independent reference, see `tests/reference/README.md`.
 
 use dem_mpi::contact::Method;
 use dem_mpi::pairs::read::read;
@@ -9,8 +9,8 @@ use lai2021::single_contact::study::{InCase3, at_offset, case_1, case_2, erosion
 use std::collections::BTreeMap;
 use std::process::{Command, Output};
 
-/// GJK at a relative duality gap of 1e-14 finds the direction to the square root of what rounding
-/// leaves [rad], and with it the overlap [m] and the contact point [m] on surfaces with radii of curvature up to 8 m.
+/// GJK at a relative duality gap of 1e-14 finds the direction to the square root of the rounding error [rad]. This
+/// limits the overlap [m] and the contact point [m] on surfaces with radii of curvature up to 8 m.
 const DIRECTION: f64 = 1.5e-7;
 const OVERLAP: f64 = 5e-8;
 const POINT: f64 = 1e-6;
@@ -38,7 +38,7 @@ fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// Cases I and II are placed as the reference has them.
+/// Cases I and II have the positions of the reference.
 #[test]
 fn generated_cases_stand_where_the_reference_does() {
     for (case, file) in [("case-i", "caseI.csv"), ("case-ii", "caseII.csv")] {
@@ -56,7 +56,7 @@ fn generated_cases_stand_where_the_reference_does() {
             assert!((cosine.abs() - 1.0).abs() < 1e-15, "{}", known["id"]);
         }
     }
-    // Written and read again, random pairs have the overlaps they were made for.
+    // Random pairs that were written and read again have the requested overlaps.
     let overlaps = |arguments: &[&str]| -> Vec<f64> {
         let made = String::from_utf8(lai2021(arguments).stdout).unwrap();
         let answers = resolve(&read("made", &made).unwrap(), &Method::Auto);
@@ -83,7 +83,7 @@ fn errors_of_case_1() {
             assert!(found.point_error_m < 1e-14, "{found:?}");
         }
     }
-    // Where B stands elsewhere, and deeper.
+    // B at other offsets, and at larger overlaps.
     for row in rows(reference("paper_caseI_vs_y.csv").as_bytes()) {
         let found = at_offset(number(&row, "y"), &[0.0, 0.025, 0.05]).unwrap();
         for (found, column) in found.iter().zip(["normal_err_deg_at_0", "at_0.025", "at_0.05"]) {
@@ -97,7 +97,7 @@ fn errors_of_case_1() {
         let off = (found.normal_error_deg - number(row, "normal_err_deg_start5pct")).abs();
         assert!(off <= DIRECTION.to_degrees(), "{row:?}: off by {off:e}");
     }
-    // Clearances on both sides of the one below which touch is spurious.
+    // Clearances on both sides of the limit of spurious contacts.
     for row in rows(reference("paper_caseI_thresholds.csv").as_bytes()) {
         let limit = number(&row, "spurious_contact_below_clearance");
         let pairs = cases::case_1(OFFSET, &[OVERLAP - limit, -OVERLAP - limit]);
@@ -137,10 +137,10 @@ fn check_summary(found: &Summary, known: &Row, tolerances: &[(&str, f64, f64)]) 
     }
 }
 
-/// As `paper_caseIII_summary.csv` names them.
+/// Names in `paper_caseIII_summary.csv`.
 const QUANTITIES: [&str; 3] = ["overlap_rel", "normal_deg", "contact_point"];
 
-/// The statistics of the same thousand pairs, and of other random ones within their scatter.
+/// Statistics of the same thousand pairs, and of other random pairs within their scatter.
 #[test]
 fn errors_of_case_3() {
     let known = rows(reference("paper_caseIII_summary.csv").as_bytes());
@@ -205,7 +205,7 @@ fn section_2_is_drawn() {
     assert_eq!(rows(text("fig7.csv").as_bytes()).len(), 25 * 37);
     let report = text("report.md");
     assert!(!report.contains("NaN"), "{report}");
-    // What the reference says of the paper's two statements that do not hold.
+    // The two statements of the paper that do not hold according to the reference.
     for statement in
         ["the normal's error decreases with the overlap", "its logarithmic mean is about 1e-3"]
     {

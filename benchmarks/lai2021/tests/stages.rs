@@ -1,4 +1,4 @@
-//! The stages of section 3 as a user runs them.
+//! The stages of section 3, run as by a user.
 
 use crate::machine::Machine;
 use std::fs;
@@ -49,7 +49,7 @@ fn stages_are_run_once_one_from_the_other() {
     assert!(record.starts_with(command), "{record}");
     assert!(machine.text("out/report/report.md").starts_with("# Section 3 of Lai et al. (2021)"));
 
-    // What is done is not run again; what is not goes on from its snapshots.
+    // A finished stage is not run again; an interrupted one continues from its snapshots.
     assert_eq!(machine.run("triaxial", &WORDS).0, Some(0));
     assert_eq!(machine.calls().len(), 3);
     fs::remove_file(machine.path(&format!("{here}/done"))).unwrap();
@@ -57,7 +57,7 @@ fn stages_are_run_once_one_from_the_other() {
     assert_eq!(machine.calls()[3], format!("{} --start {folder}/shear", expected[2]));
     assert_eq!(machine.text(&format!("{here}/run.log")), "said\nsaid\n");
 
-    // Other words need another folder, whatever the method.
+    // Other arguments need another folder, for any method.
     for words in [&WORDS[..4], &["--quick"]] {
         let (status, said) = machine.run("triaxial", words);
         assert_eq!(status, Some(2), "{said}");
@@ -81,7 +81,7 @@ fn other_packings_are_of_the_seeds_after_the_first() {
     }
     assert!(calls[4].contains("common-normal/packing-3 "), "{}", calls[4]);
     assert!(machine.text("out/report/machine.txt").contains(" --seed 4 --packings 3 "));
-    // Fewer packings are a part of them.
+    // A smaller number of packings is a subset of them.
     assert_eq!(machine.run("triaxial", &words[..3]).0, Some(0));
     assert_eq!(machine.calls().len(), 5);
 }
@@ -110,7 +110,7 @@ fn a_signal_reaches_the_run_and_ends_the_stages() {
     while !is_waiting(&log) && begun.elapsed() < Duration::from_secs(60) {
         std::thread::sleep(Duration::from_millis(20));
     }
-    // The trap stands right after the word.
+    // The trap is set right after the output.
     std::thread::sleep(Duration::from_millis(200));
     let told = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(told.success());

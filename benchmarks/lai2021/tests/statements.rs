@@ -1,4 +1,5 @@
-//! The table of all statements: what follows from what, and that the counts are those of the rows.
+//! The table of all statements: the conclusions follow from the findings, and the counts are those of the
+//! rows.
 
 use lai2021::findings::{Kind, Reading, Row, Verdict};
 use lai2021::statements::predictions::{self, Packing, Response};
@@ -30,7 +31,7 @@ fn a_conclusion_has_the_worst_verdict_of_what_it_rests_on() {
         (Some(Yes), Some(Yes), Yes),
         (Some(Nearly), Some(Yes), Nearly),
         (Some(No), Some(Yes), No),
-        // Not all is known.
+        // One finding is unknown.
         (None, Some(Yes), Untold),
         (Some(Untold), Some(Yes), Untold),
         (Some(No), None, No),
@@ -41,12 +42,12 @@ fn a_conclusion_has_the_worst_verdict_of_what_it_rests_on() {
         let found = given.into_iter().filter_map(|(name, v)| Some(row("3.4", name, reading, v?)));
         let rows = conclusions::rows(&found.collect::<Vec<_>>());
         assert_eq!(of(&rows, "fabric", reading), expected, "{packing:?} {peak:?}");
-        // Nothing was found with the other reading.
+        // The other reading has no findings.
         assert_eq!(of(&rows, "fabric", Reading::Alone), Untold);
     }
 }
 
-/// Means of three packings each, as the record of 2026-11 has them.
+/// Means of three packings each, with the values of the record of 2026-11.
 #[test]
 fn a_loss_of_contacts_that_softer_grains_do_not_have_is_a_prediction_come_true() {
     let packing = |method: &str, erosion_ratio, stiffness_n_per_m, coordination| Packing {
@@ -70,7 +71,7 @@ fn a_loss_of_contacts_that_softer_grains_do_not_have_is_a_prediction_come_true()
         of(&predictions::rows(packings, &[]), "softer_coordination", reading)
     };
     assert_eq!(verdict(&packings, Reading::Checked), Verdict::Yes);
-    // There is no loss that could become less.
+    // There is no loss that could become smaller.
     assert_eq!(verdict(&packings, Reading::Alone), Verdict::No);
     packings[4].coordination = 7.8;
     assert_eq!(verdict(&packings, Reading::Checked), Verdict::Nearly);
@@ -95,7 +96,7 @@ fn the_response_of_softer_grains_is_held_against_that_of_the_common_normal() {
     };
     for (factor, expected) in [(1.02, Verdict::Yes), (0.93, Verdict::Nearly), (1.2, Verdict::No)] {
         let responses = [
-            // Only the softest count.
+            // Only the softest particles count.
             response("common-normal", 0.0, 1.5e5, 5.0),
             response("gjk-erosion", 0.05, 1.5e5, 1.0),
             response("common-normal", 0.0, 1.5e4, 1.0),
@@ -126,7 +127,7 @@ fn run(arguments: &[&str]) -> (bool, String) {
     (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
-/// From the single contacts themselves to the page.
+/// From the single contacts to the page.
 #[test]
 fn all_statements_are_counted() {
     let root = tempfile::tempdir().unwrap();
@@ -145,21 +146,21 @@ fn all_statements_are_counted() {
         .deserialize()
         .collect::<Result<_, _>>()
         .unwrap();
-    // Fig. 3 holds with one reading only: GJK before erosion finds no pair that is apart.
+    // Fig. 3 holds with one reading only: GJK before erosion finds no contact between separate bodies.
     assert_eq!(of(&rows, "spurious", Reading::Checked), Verdict::No);
     assert_eq!(of(&rows, "spurious", Reading::Alone), Verdict::Yes);
-    // What the independent reference says does not hold, and what does.
+    // Statements that the independent reference refutes or confirms.
     for reading in Reading::ALL {
         assert_eq!(of(&rows, "normal_decreases", reading), Verdict::No);
         assert_eq!(of(&rows, "overlap_mean", reading), Verdict::No);
         assert_eq!(of(&rows, "touch", reading), Verdict::Yes);
         assert_eq!(of(&rows, "overestimates", reading), Verdict::Yes);
         assert_eq!(of(&rows, "small_overlaps", reading), Verdict::Yes);
-        // Section 3 was not run.
+        // There are no runs of section 3.
         assert_eq!(of(&rows, "stress_strain", reading), Verdict::Untold);
     }
 
-    // The counts on the page are those of the rows, whose statements all stand on it.
+    // The counts on the page are those of the rows, and the page has all statements.
     let page = text("statements.md");
     for (section, name) in [("2", "section 2"), ("4", "section 4, conclusions")] {
         for (reading, words) in [(Reading::Checked, "GJK + erosion"), (Reading::Alone, "alone")] {
@@ -195,7 +196,7 @@ fn without_findings_there_is_no_table() {
     assert!(why(&folder).contains("findings.csv: CSV deserialize error"), "{}", why(&folder));
 }
 
-/// The committed table is what the command writes from the committed findings, and README has its counts.
+/// The committed table is that of the committed findings, and README has its counts.
 #[test]
 fn the_record_and_the_page_of_benchmarks_have_the_counts_of_the_findings() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");

@@ -1,4 +1,4 @@
-//! Section 3 of the paper from made-up runs: verdicts follow from the numbers, and what is missing is said.
+//! Section 3 of the paper from artificial runs: verdicts follow from the numbers, and missing data are reported.
 
 use crate::packings::{Snapshot, boxed, closed, ellipsoids, store};
 use dem_mpi::math::Vec3;
@@ -14,7 +14,7 @@ use lai2021::triaxial::{Method, Run, figures, regenerate, report};
 use std::collections::BTreeSet;
 use std::process::Command;
 
-/// `q/p` rises to 1 at 5 % and falls to 0.7; the volume shrinks by 0.4 % and then grows.
+/// `q/p` rises to 1 at 5 % and falls to 0.7; the volume decreases by 0.4 % and then grows.
 fn usual(strain: f64) -> (f64, f64) {
     let ratio =
         if strain < 0.05 { strain / 0.05 } else { 0.7 + 0.3 * (-(strain - 0.05) / 0.05).exp() };
@@ -47,7 +47,7 @@ fn made_up(method: Method, z: f64, curve: impl Fn(f64) -> (f64, f64)) -> Run {
     }
 }
 
-/// The verdict on the first statement that begins like this.
+/// Verdict on the first statement that begins with this text.
 fn verdict(runs: &[Run], statement: &str) -> Verdict {
     let topics = report::topics(runs);
     let mut findings = topics.iter().flat_map(|topic| &topic.findings);
@@ -77,7 +77,7 @@ fn fairly_identical_curves_are_told_from_others() {
     assert_eq!(verdict(&stronger(1.5), "the whole curve"), Verdict::No);
     assert_eq!(verdict(&stronger(1.0), "volumetric strain fairly"), Verdict::Yes);
     assert_eq!(verdict(&stronger(2.0), "volumetric strain fairly"), Verdict::No);
-    // The same peak and plateau, but at other strains.
+    // Equal peak and plateau, at other strains.
     let late = with(&|strain| usual((strain - 0.1).max(0.0)));
     assert_eq!(verdict(&late, "the whole curve"), Verdict::No);
 }
@@ -93,7 +93,7 @@ fn a_response_without_peak_or_dilation_does_not_reproduce() {
     // One method that does not reproduce is enough.
     let both = [usual[0].clone(), Run { method: Method::Epa, ..rising[0].clone() }];
     assert_eq!(verdict(&both, peak), Verdict::No);
-    // A compression that is not over has no verdict, until it has dilated.
+    // An unfinished compression has no verdict, until it has dilated.
     let mut short = usual;
     short[0].shear.truncate(30);
     assert_eq!((verdict(&short, peak), verdict(&short, volume)), (Verdict::Untold, Verdict::Yes));
@@ -116,11 +116,11 @@ fn coordination_is_compared_with_the_paper_s() {
     assert_eq!(verdict(&runs(7.5, 6.9), of_erosion), Verdict::Yes);
     assert_eq!(verdict(&runs(7.5, 6.9), "EPA's Z is nearer"), Verdict::Yes);
     assert_eq!(verdict(&runs(6.9, 7.5), "EPA's Z is nearer"), Verdict::No);
-    // A tenth of it at the peak.
+    // A tenth of the difference at the peak.
     assert_eq!(verdict(&runs(7.5, 6.9), "the difference in Z is smaller"), Verdict::Yes);
     assert_eq!(verdict(&runs(7.5, 7.53), "the difference in Z is smaller"), Verdict::No);
     let shift = "erosion's histogram is shifted";
-    // The same histogram: a mean that is said to be smaller is not all.
+    // Equal histograms: the claim of a smaller mean is not enough.
     assert_eq!(verdict(&runs(7.5, 7.5), shift), Verdict::No);
     let mut shifted = runs(7.5, 6.8);
     let numbers = shifted[0].packing.as_mut().map(|p| &mut p.coordination.without_walls);
@@ -131,7 +131,7 @@ fn coordination_is_compared_with_the_paper_s() {
     assert_eq!(verdict(&shifted, shift), Verdict::Nearly);
 }
 
-/// A verdict that one packing would turn round is that of all.
+/// The verdict follows from all packings, even if one packing alone would reverse it.
 #[test]
 fn several_packings_say_what_is_chance() {
     let with = |method, first: f64, others: [f64; 2]| {
@@ -155,7 +155,7 @@ fn several_packings_say_what_is_chance() {
     let (here, _) = found(&runs, "erosion's histogram is shifted");
     assert!(here.starts_with("mean 6.800 ± 0.6083 and 7.500 ± 0: -9.3 %;"), "{here}");
     assert!(!here.contains("by chance"), "{here}");
-    // One packing alone would say that nothing is lost.
+    // One packing alone would show no loss.
     let alone = runs.map(|run| Run { other_packings: Vec::new(), ..run });
     assert_eq!(found(&alone, "and about 6.8").1, Verdict::Nearly);
 }
@@ -168,7 +168,7 @@ fn weak_contacts_that_go_missing_are_seen() {
     assert_eq!(verdict(&runs, "the difference is mainly among weak"), Verdict::No);
     let packing = runs[1].packing.as_mut().expect("made up");
     let forces = packing.forces.as_mut().expect("forces");
-    // Half of the weak ones are gone, and nothing else.
+    // Half of the weak contacts are removed, and nothing else.
     let gone = 0.5 * forces.weak_share.expect("contacts");
     let rest = |share: Option<f64>| share.map(|share| (share - gone) / (1.0 - gone));
     forces.weak_share = rest(forces.weak_share);
@@ -196,7 +196,7 @@ fn what_is_missing_is_said() {
     assert_eq!(verdict(&both, "the balance of energies"), Verdict::Nearly);
 }
 
-/// Where erosion was run as the paper reads, it is that which is held against the paper.
+/// Erosion after GJK, if it was run, is compared with the paper.
 #[test]
 fn erosion_is_judged_as_the_paper_reads() {
     let exact = made_up(Method::CommonNormal, 7.5, usual);
@@ -210,7 +210,7 @@ fn erosion_is_judged_as_the_paper_reads() {
     assert!(page.contains("erosion after GJK has said that bodies touch is compared"));
 }
 
-/// Erosion has been read both ways where there are both: after GJK, and alone.
+/// Erosion has both readings if both were run: after GJK, and alone.
 #[test]
 fn findings_tell_both_readings_of_erosion() {
     let exact = made_up(Method::CommonNormal, 7.5, usual);
@@ -231,7 +231,7 @@ fn findings_tell_both_readings_of_erosion() {
         assert_eq!(verdict(&all, name, Reading::Checked), with_gjk, "{name}");
         assert_eq!(verdict(&all, name, Reading::Alone), by_itself, "{name}");
     }
-    // What was not run is not judged by the other.
+    // A reading without runs is not judged by the other.
     let without = [exact.clone(), checked];
     assert_eq!(verdict(&without, "z_erosion", Reading::Checked), Verdict::Yes);
     for name in ["z_erosion", "same_curve", "pushing_away"] {
@@ -239,7 +239,7 @@ fn findings_tell_both_readings_of_erosion() {
     }
     let losing = [exact, made_up(Method::Erosion, 6.8, usual)];
     assert_eq!(verdict(&losing, "pushing_away", Reading::Alone), Verdict::Yes);
-    // Every finding has a name of its own.
+    // Every finding has a unique name.
     let mut names: Vec<String> = report::rows(&all).into_iter().map(|row| row.name).collect();
     let count = names.len();
     names.sort();
@@ -360,7 +360,7 @@ fn stored_runs_give_every_figure_and_table() {
     let page = text("report.md");
     assert!(page.contains("shear 1.0e-2"), "missing over dissipated");
     assert!(page.contains("common normal: no runs") && page.contains("EPA: no runs"));
-    // Every figure that the page shows is there.
+    // Every figure on the page exists.
     let shown = page.split("](").skip(1).map(|rest| rest.split(')').next().unwrap());
     let shown: Vec<&str> = shown.collect();
     assert_eq!(
@@ -385,13 +385,13 @@ fn a_stage_that_is_not_over_is_compared_with_nothing() {
     assert!(begun.contains("EPA: packing is not over, no consolidation, no shear"), "{begun}");
     assert!(!begun.contains("| packing |"), "{begun}");
 
-    // The next stage begins from a packing that is over.
+    // The next stage begins from a finished packing.
     store(&run.join("consolidation"), &boxed(0.02, 100));
     let consolidating = page();
     assert!(consolidating.contains("EPA: consolidation is not over, no shear"), "{consolidating}");
     assert!(consolidating.contains("| packing |") && !consolidating.contains("| consolidation |"));
 
-    // It is over if it says so, or if the script that ran it does.
+    // A stage is finished if its header says so, or if the script that ran it does.
     std::fs::write(run.join("consolidation/done"), "").unwrap();
     assert!(page().contains("EPA: no shear"));
     std::fs::remove_dir_all(run.join("consolidation")).unwrap();
@@ -419,7 +419,7 @@ fn a_compression_is_to_start_from_what_the_paper_says() {
     }
 }
 
-/// Runs of a method: a packing, and a compression to 35 % with its peak at 5 %, if any.
+/// Runs of a method: a packing, and optionally a compression to 35 % with its peak at 5 %.
 fn run_of(method: Method, sheared: bool, settings: impl Fn(&Snapshot) -> Settings) -> Run {
     let report = |strain: f64| {
         let mut snapshot = closed(0.02 * (-strain).exp());
@@ -443,7 +443,7 @@ fn run_of(method: Method, sheared: bool, settings: impl Fn(&Snapshot) -> Setting
     }
 }
 
-/// What was found of the statement that begins like this, and the verdict.
+/// Finding and verdict for the statement that begins with this text.
 fn found(runs: &[Run], statement: &str) -> (String, Verdict) {
     let topics = report::topics(runs);
     let mut findings = topics.into_iter().flat_map(|topic| topic.findings);
@@ -486,7 +486,8 @@ fn a_part_of_a_packing_is_not_taken_for_the_whole() {
     assert!(page.contains("**Measured with walls.**") && !page.contains(NOT_IN_FABRIC), "{page}");
 }
 
-/// The force distributions count contacts with walls: so must the contacts per particle by which they are weighed.
+/// The force distributions count contacts with walls, so the contacts per particle that weigh them must do so,
+/// too.
 #[test]
 fn contacts_per_particle_are_those_of_the_distributions() {
     let statement = "erosion dismisses a considerable number";
@@ -507,7 +508,7 @@ fn contacts_per_particle_are_those_of_the_distributions() {
     }
 }
 
-/// Runs of EPA that are not over leave the compression to the common normal.
+/// With unfinished runs of EPA, the common normal is the reference for the compression.
 #[test]
 fn the_common_normal_stands_in_for_what_epa_has_not_told() {
     let of = |method, sheared| run_of(method, sheared, |_| Settings::default());
@@ -546,7 +547,7 @@ fn legends_stay_in_the_picture() {
     let runs = Method::ALL.map(|method| run_of(method, true, |_| Settings::default()));
     let figures = figures::all(&runs).unwrap();
     let (_, svg) = figures.iter().find(|(name, _)| *name == "fig11.svg").expect("the figure");
-    // Units of the drawing to a pixel; widths in pixels.
+    // Drawing units per pixel; widths in pixels.
     let (fine, panel, letter) = (8.0, 560.0, 6.5);
     let mut places = Vec::new();
     for text in svg.split("<text ").skip(1) {

@@ -1,4 +1,4 @@
-//! Speeds, overlaps, places, units and spins that nobody would choose.
+//! Extreme speeds, overlaps, places, units and spins.
 
 use crate::cell::{Cell, Deviation};
 use crate::scene::{DENSITY, Grain, Length, MASS, RADIUS, Scene, Step, balls, material, shape};
@@ -36,7 +36,7 @@ pub(super) fn cells() -> Vec<Cell> {
     cells
 }
 
-/// Two balls fly at each other, and exchange their velocities; `way` is what one does in a step, over its radius.
+/// Two balls collide and exchange their velocities; `way` is the displacement of one in a step, over its radius.
 fn fast_grains(way: f64) -> Cell {
     let mut scene = Scene::free(balls(1e4, ""), Vec::new());
     scene.step = Step::OfLimit(0.2);
@@ -57,7 +57,7 @@ fn fast_grains(way: f64) -> Cell {
     if matches!(way, 0.3 | 3.0) { cell.quick() } else { cell }
 }
 
-/// The same of a grain and the floor.
+/// A ball hits the floor; `way` is its displacement in a step, over its radius.
 fn fast_at_wall(way: f64) -> Cell {
     let mut scene = Scene::on_floor(balls(1e4, ""), Vec::new());
     scene.step = Step::OfLimit(0.2);
@@ -72,7 +72,7 @@ fn fast_at_wall(way: f64) -> Cell {
     if way == 3.0 { cell.quick() } else { cell }
 }
 
-/// Two balls begin with an overlap, over their diameter, and fly apart with its energy.
+/// Two balls begin with an overlap, given over their diameter, and separate with its energy.
 fn overlapping(depth: f64) -> Cell {
     let stiffness = 1e5;
     let overlap = depth * 2.0 * RADIUS;
@@ -88,7 +88,7 @@ fn overlapping(depth: f64) -> Cell {
     if matches!(depth, 0.5 | 1.0) { cell.quick() } else { cell }
 }
 
-/// A ball falls on a floor that is far from the origin, so many radii.
+/// A ball falls on a floor `10^exponent` radii from the origin.
 fn far_away(exponent: i32) -> Cell {
     let far = if exponent == 0 { 0.0 } else { RADIUS * 10_f64.powi(exponent) };
     let stiffness = 1e4;
@@ -104,10 +104,10 @@ fn far_away(exponent: i32) -> Cell {
     if exponent == 14 { cell.quick() } else { cell }
 }
 
-/// Units of length, mass and time: powers of two, which change no digit.
+/// Units of length, mass and time: powers of two, which do not change any digit.
 type Units = [f64; 3];
 
-/// A ball that falls askew and spinning on a floor with friction, in other units.
+/// A ball that falls obliquely and spinning on a floor with friction, in other units.
 fn units(row: &'static str, exponent: i32, powers: [i32; 3]) -> Cell {
     let units = powers.map(|power| 2_f64.powi(power * exponent));
     let cell = Cell::new(row, exponent, askew(units), move |ran| {
@@ -140,7 +140,7 @@ fn askew([length, mass, time]: Units) -> Scene {
     scene.lasting(Step::Seconds(2_f64.powi(-14) * time), Length::Steps(600))
 }
 
-/// Velocity of the first grain at the end, by the program's library [m/s].
+/// Velocity of the first particle at the end, computed by the library of the program [m/s].
 fn last_velocity(scene: &Scene) -> Vec3 {
     let (text, grains) = scene.texts(None);
     let folder = tempfile::tempdir().expect("a folder for the particles");
@@ -157,7 +157,7 @@ fn last_velocity(scene: &Scene) -> Vec3 {
     sim.particles.velocity[0]
 }
 
-/// A grain spins freely.
+/// A particle spins freely.
 fn spinning(row: &'static str, exponent: i32, kind: &str, keys: &str) -> Cell {
     let spin = 10_f64.powi(exponent);
     let tables = material("m", DENSITY, 1e4, "friction = 0.5") + &shape("grain", kind, keys);

@@ -1,4 +1,4 @@
-//! Time step, stiffness, friction, damping: balls, whose collisions have closed forms.
+//! Time step, stiffness, friction and damping of balls, whose collisions have closed forms.
 
 use crate::cell::{Cell, Deviation};
 use crate::scene::{DENSITY, G, Grain, Length, MASS, RADIUS, Scene, Step, balls, material, shape};
@@ -38,7 +38,7 @@ pub(super) fn cells() -> Vec<Cell> {
 fn heap(row: &'static str, share: f64, time: &str) -> Cell {
     let place = |k: u32| {
         let (i, j, l) = (k % 3, k / 3 % 3, k / 9);
-        // Not one above the other.
+        // Layers are shifted so that no ball is exactly above another.
         let aside = 0.1 * f64::from(l);
         Vec3::new(
             1.3 + aside + 2.3 * f64::from(i),
@@ -67,7 +67,7 @@ fn bounce(row: &'static str, value: String, stiffness: f64, restitution: f64) ->
     let gap = 20.0 * scene.dt();
     let above = Vec3::new(0.0, 0.0, RADIUS + gap);
     scene.grains = vec![Grain::at("ball", above).moving([0.0, 0.0, -1.0])];
-    // A contact takes at most half a period, with the strongest dashpot some periods.
+    // A contact takes at most half a period, or some periods with the strongest dashpot.
     let period = 2.0 * std::f64::consts::PI * (MASS / stiffness).sqrt();
     scene.length = Length::Seconds(gap + 8.0 * period);
     let quick = matches!(stiffness, 10.0 | 1e12) || restitution == 0.01;
@@ -78,7 +78,7 @@ fn bounce(row: &'static str, value: String, stiffness: f64, restitution: f64) ->
     if quick { cell.quick() } else { cell }
 }
 
-/// A ball hits one that is harder: they exchange their velocities.
+/// A ball hits a stiffer one: they exchange their velocities.
 fn unequal_stiffness(exponent: i32) -> Cell {
     let ratio = 10_f64.powi(exponent);
     let radius = format!("radius = {RADIUS}");
@@ -94,7 +94,7 @@ fn unequal_stiffness(exponent: i32) -> Cell {
         Grain::at("soft", [-1.001 * RADIUS, 0.0, 0.0]).moving([0.5, 0.0, 0.0]),
         Grain::at("hard", [1.001 * RADIUS, 0.0, 0.0]),
     ];
-    // Of the soft ball, the longest.
+    // Contact time of the soft ball, the longest.
     scene.length = Length::Seconds(2e-3 * RADIUS / 0.5 + 8.0 * (MASS / 1e4).sqrt());
     let cell = Cell::new("stiffness ratio of two", format!("1e{exponent}"), scene, |ran| {
         let [a, b] = [0, 1].map(|k| ran.particles.velocity[k].x);
@@ -106,7 +106,7 @@ fn unequal_stiffness(exponent: i32) -> Cell {
     if exponent == 6 { cell.quick() } else { cell }
 }
 
-/// A ball rests on another that is lighter: the floor bears both.
+/// A ball rests on a lighter one: the floor carries both.
 fn heavy_on_top(exponent: i32) -> Cell {
     let ratio = 10_f64.powi(exponent);
     let stiffness = 1e8;
@@ -122,7 +122,7 @@ fn heavy_on_top(exponent: i32) -> Cell {
     let mut scene = Scene::on_floor(tables, grains).heavy();
     "walls = [\"-z\"]\nwall_material = \"light\"".clone_into(&mut scene.domain);
     scene.step = Step::OfLimit(0.5);
-    // A dashpot is one of the lighter body: the heavy one needs another.
+    // The dashpot is tuned to the lighter body; the heavy one needs another damping.
     let period = 2.0 * std::f64::consts::PI * (2.0 * MASS * ratio / stiffness).sqrt();
     scene.keys = format!("global_damping = {:e}", 4.0 / period);
     scene.length = Length::Seconds(10.0 * period);
@@ -140,7 +140,7 @@ fn heavy_on_top(exponent: i32) -> Cell {
     if exponent == 6 { cell.quick() } else { cell }
 }
 
-/// A ball slides over the floor until it rolls, at 5/7 of its speed.
+/// A ball slides over the floor until it rolls at 5/7 of its speed.
 fn bowling(friction: f64) -> Cell {
     let tables = balls(
         1e4,

@@ -1,4 +1,4 @@
-//! Few particles on many ranks, narrow periods, and stages that are not like the one before.
+//! Few particles on many ranks, narrow periods, and stages that differ from the one before.
 
 use crate::cell::{Cell, Deviation};
 use crate::scene::{Grain, Length, RADIUS, Scene, Step, balls};
@@ -28,7 +28,7 @@ pub(super) fn cells() -> Vec<Cell> {
     cells
 }
 
-/// So many balls, on eight ranks.
+/// `count` balls on eight ranks.
 fn few(count: u32) -> Cell {
     let place = |k: u32| Vec3::new(2.1 * f64::from(k), 0.0, 3.0) * RADIUS;
     let grains = (0..count).map(|k| Grain::at("ball", place(k))).collect();
@@ -38,7 +38,7 @@ fn few(count: u32) -> Cell {
     Cell { ranks: 8, ..cell }.quick()
 }
 
-/// Two balls that meet through a period of so many radii along x, head on.
+/// Two balls collide head on through a period of `width` radii along x.
 fn narrow(width: f64) -> Cell {
     let grains = vec![
         Grain::at("ball", [0.5 * RADIUS, 0.0, 0.0]).moving([-0.5, 0.0, 0.0]),
@@ -60,7 +60,7 @@ fn narrow(width: f64) -> Cell {
     if matches!(width, 4.19 | 4.21) { cell.quick() } else { cell }
 }
 
-/// Ellipsoids fall, and go on falling in a stage of another kind.
+/// Ellipsoids fall, and continue in a stage with other settings.
 fn another_stage(value: &str, change: fn(&mut Scene)) -> Cell {
     let tables = crate::scene::material("m", 2500.0, 1e4, "friction = 0.3\nrestitution = 0.5")
         + &crate::scene::shape("grain", "ellipsoid", "semi_axes = [0.013, 0.01, 0.008]");

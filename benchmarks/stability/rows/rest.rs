@@ -1,4 +1,4 @@
-//! What stands must stand: stacks, piles, long runs.
+//! Bodies at rest stay at rest: stacks, piles, long runs.
 
 use crate::cell::{Cell, Deviation};
 use crate::scene::{
@@ -7,7 +7,7 @@ use crate::scene::{
 use dem_mpi::math::Vec3;
 use dem_mpi::random::Random;
 
-/// Its name, its kind, and its keys.
+/// Name, kind and keys of a shape.
 type Grains = (&'static str, &'static str, fn() -> String);
 
 const KINDS: [Grains; 7] = [
@@ -45,7 +45,7 @@ pub(super) fn cells() -> Vec<Cell> {
     cells
 }
 
-/// What rests moves no faster than this [m/s].
+/// Largest speed, at most 1e-6 m/s at rest.
 fn at_rest(ran: &crate::cell::Ran) -> Deviation {
     let fastest = ran.particles.velocity.iter().map(Vec3::norm).fold(0.0, f64::max);
     Deviation { what: "speed [m/s]", is: fastest, allowed: 1e-6 }
@@ -61,7 +61,7 @@ fn bricks(count: u32) -> Cell {
     stack("stack", format!("{count} bricks"), tables, grains, weight).quick()
 }
 
-/// Balls in a tube as wide as one.
+/// Balls in a tube as wide as one ball.
 fn tower(count: u32) -> Cell {
     let grains =
         (0..count).map(|k| Grain::at("ball", [0.0, 0.0, RADIUS * f64::from(2 * k + 1)])).collect();
@@ -89,7 +89,8 @@ fn stack(
     })
 }
 
-/// Eight grains fall into a box, come to rest under damping, and stay so for `steps` steps without it.
+/// Eight particles fall into a box, come to rest under damping, and stay at rest for `steps` steps
+/// without it.
 fn pile(name: &str, kind: &str, keys: &str, steps: u64) -> Cell {
     let tables = material("m", DENSITY, 1e5, "friction = 0.5\nrestitution = 0.2")
         + &shape("grain", kind, keys);
@@ -114,7 +115,7 @@ fn pile(name: &str, kind: &str, keys: &str, steps: u64) -> Cell {
     cell
 }
 
-/// A ball lies on the floor for long.
+/// A ball lies on the floor for many steps.
 fn resting(steps: u64) -> Cell {
     let sunk = MASS * G / 1e4;
     let grains = vec![Grain::at("ball", [0.0, 0.0, RADIUS - sunk])];

@@ -5,10 +5,10 @@ use crate::scene::{DENSITY, Grain, Length, MASS, RADIUS, Scene, Step, cuboid, ma
 use dem_mpi::math::Vec3;
 use dem_mpi::random::Random;
 
-/// Its kind and its keys, by its aspect ratio.
+/// Kind and keys of a shape, from its aspect ratio.
 type Solid = fn(f64) -> (&'static str, String);
 
-/// Solids by their aspect ratio, as large as a ball of [`RADIUS`].
+/// Solids by their aspect ratio, with the volume of a ball of [`RADIUS`].
 const SOLIDS: [(&str, Solid); 5] = [
     ("needles", |ratio| {
         semi_axes([ratio.powf(2.0 / 3.0), ratio.powf(-1.0 / 3.0), ratio.powf(-1.0 / 3.0)])
@@ -17,7 +17,7 @@ const SOLIDS: [(&str, Solid); 5] = [
         semi_axes([ratio.powf(1.0 / 3.0), ratio.powf(1.0 / 3.0), ratio.powf(-2.0 / 3.0)])
     }),
     ("rods", |ratio| {
-        // Length between the ends' centres over the diameter is `ratio` - 1.
+        // Length between the centres of the ends over the diameter is `ratio` - 1.
         let radius = RADIUS * (1.0 + 1.5 * (ratio - 1.0)).powf(-1.0 / 3.0);
         (
             "spherocylinder",
@@ -76,7 +76,7 @@ pub(super) fn cells() -> Vec<Cell> {
     cells
 }
 
-/// A grain turns freely.
+/// A particle rotates freely.
 fn tumbling(row: &'static str, ratio: f64, (kind, keys): (&str, String)) -> Cell {
     let tables = material("m", DENSITY, 1e4, "") + &shape("grain", kind, &keys);
     let turn = Random::of(3, 0).rotation();
@@ -92,11 +92,11 @@ fn tumbling(row: &'static str, ratio: f64, (kind, keys): (&str, String)) -> Cell
     if ratio == 1000.0 { cell.quick() } else { cell }
 }
 
-/// 27 of them, turned at random, are let fall into a box.
+/// 27 particles in random orientations fall into a box.
 fn packed(row: &'static str, ratio: f64, (kind, keys): (&str, String)) -> Cell {
     let tables = material("m", DENSITY, 1e4, "friction = 0.3\nrestitution = 0.3")
         + &shape("grain", kind, &keys);
-    // As wide as the longest is long.
+    // The spacing exceeds the length of the longest particle.
     let wide = 2.9 * RADIUS * ratio.powf(2.0 / 3.0);
     let mut random = Random::of(5, 0);
     let place = |k: u32| {
@@ -113,7 +113,7 @@ fn packed(row: &'static str, ratio: f64, (kind, keys): (&str, String)) -> Cell {
     Cell::new(row, ratio, scene, |_| Vec::new())
 }
 
-/// Two superellipsoids fly at each other, turning, and lose nothing.
+/// Two rotating superellipsoids collide without loss of energy.
 fn collision(exponents: [f64; 2]) -> Cell {
     let [e, n] = exponents;
     let keys = format!(
@@ -142,7 +142,7 @@ fn collision(exponents: [f64; 2]) -> Cell {
     if e == 0.02 { cell.quick() } else { cell }
 }
 
-/// A ball hits one that is larger, head on: as two points do.
+/// A ball hits a larger one head on, like two point masses.
 fn unequal_sizes(ratio: f64) -> Cell {
     let small = RADIUS / ratio;
     let tables = material("m", DENSITY, 1e5, "")
@@ -170,7 +170,7 @@ fn unequal_sizes(ratio: f64) -> Cell {
     if ratio == 1000.0 { cell.quick() } else { cell }
 }
 
-/// A ball hits a bed of 25 that are smaller and lie on the floor.
+/// A ball hits a bed of 25 smaller ones on the floor.
 fn on_a_bed(ratio: f64) -> Cell {
     let (stiffness, small) = (1e4, RADIUS / ratio);
     let tables = material("m", DENSITY, stiffness, "friction = 0.3\nrestitution = 0.5")
@@ -180,7 +180,7 @@ fn on_a_bed(ratio: f64) -> Cell {
         |k: u32| Vec3::new(f64::from(k % 5) - 2.0, f64::from(k / 5) - 2.0, 0.0) * (2.1 * small);
     let up = Vec3::new(0.0, 0.0, small);
     let mut grains: Vec<Grain> = (0..25).map(|k| Grain::at("small", place(k) + up)).collect();
-    // Fast enough to press each in by some per cent of its radius.
+    // Fast enough to overlap each by some per cent of its radius.
     let speed = 0.04 * small * (25.0 * stiffness / MASS).sqrt();
     let above = Vec3::new(0.0, 0.0, 2.1 * small + RADIUS);
     grains.push(Grain::at("large", above).moving([0.0, 0.0, -speed]));

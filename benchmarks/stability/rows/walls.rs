@@ -1,4 +1,4 @@
-//! Walls that move, close, cross, and servos that fight.
+//! Walls that move, close or cross, and opposed servos.
 
 use crate::cell::{Cell, Deviation};
 use crate::scene::{DENSITY, Grain, Length, MASS, RADIUS, Scene, Step, balls, material, shape};
@@ -24,7 +24,7 @@ pub(super) fn cells() -> Vec<Cell> {
     cells
 }
 
-/// A wall runs into a ball that rests: it flies off at twice the wall's speed.
+/// A wall hits a ball at rest: it leaves at twice the speed of the wall.
 fn hit(speed: f64) -> Cell {
     let mut scene =
         Scene::on_floor(balls(1e4, ""), vec![Grain::at("ball", [0.0, 0.0, 1.01 * RADIUS])]);
@@ -37,14 +37,14 @@ fn hit(speed: f64) -> Cell {
     if matches!(speed, 1.0 | 1e4) { cell.quick() } else { cell }
 }
 
-/// Two walls close on a ball until there is no room for it.
+/// Two walls close on a ball until there is no space for it.
 fn closing(speed: f64) -> Cell {
     let mut scene =
         between(1.5, &format!("{{ \"-z\" = [0, 0, {speed:e}], \"+z\" = [0, 0, {:e}] }}", -speed));
     scene.step = Step::OfLimit(0.05);
-    // Until the gap is a tenth of the diameter.
+    // The stage ends when the gap is a tenth of the diameter.
     scene.length = Length::Seconds(1.4 * RADIUS / speed);
-    // Nothing is right here but a message.
+    // There is no correct result here except a warning or error.
     let cell = Cell::new("speed of walls that close on a ball [m/s]", speed, scene, |ran| {
         let depth = ran.figure("/resolution/largest_overlap_over_radius");
         vec![Deviation { what: "overlap over the radius", is: depth, allowed: 0.1 }]
@@ -52,7 +52,7 @@ fn closing(speed: f64) -> Cell {
     if speed == 1.0 { cell.quick() } else { cell }
 }
 
-/// A floor comes up through another, and takes along the ball that lies there.
+/// A floor rises through another, and lifts the ball that lies there.
 fn crossing(speed: f64) -> Cell {
     let tables = balls(1e4, "restitution = 0.3")
         + "[[wall]]\nname = \"still\"\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\n"
@@ -73,7 +73,7 @@ fn crossing(speed: f64) -> Cell {
     })
 }
 
-/// A ball in a room that is higher than wide: `half` radii up and down.
+/// A ball between two walls, each `half` radii from the middle.
 fn between(half: f64, velocities: &str) -> Scene {
     let mut scene = Scene::free(balls(1e4, "restitution = 0.5"), vec![Grain::at("ball", [0.0; 3])]);
     (scene.low.z, scene.high.z) = (-half * RADIUS, half * RADIUS);
@@ -87,7 +87,7 @@ fn servo(packing: &str, spacing: f64, stiffness: f64, gain: f64) -> Cell {
     let wide = 4.0 * spacing * RADIUS;
     let place = |k: u32| {
         let at = [k % 4, k / 4 % 4, k / 16].map(|i| (f64::from(i) + 0.5) * spacing * RADIUS);
-        // None above another.
+        // No ball is exactly above another.
         let aside = if spacing > 2.3 { 0.2 * f64::from(k % 3) - 0.2 } else { 0.0 };
         Vec3::from(at) + Vec3::repeat(aside * RADIUS)
     };
@@ -110,7 +110,7 @@ fn servo(packing: &str, spacing: f64, stiffness: f64, gain: f64) -> Cell {
     if gain == 100.0 && packing == "loose, hard" { cell.quick() } else { cell }
 }
 
-/// Two servos ask for different stresses on opposite sides of a stack of balls between them.
+/// Two servos require different stresses on opposite sides of a stack of balls.
 fn fighting() -> Cell {
     let tables = material("m", DENSITY, 1e5, "restitution = 0.3")
         + &shape("ball", "sphere", &format!("radius = {RADIUS}"))

@@ -1,8 +1,8 @@
 //! Arch of seven voussoirs: it stands above, and falls below, the friction and the thickness of limit analysis.
 //!
 //! The thrust in the crown of a symmetric arch is horizontal, `H`, and acts at some height. The part between the crown and a
-//! joint has a known weight, so that `H` and the height give the force in every joint. The arch can stand if for some `H` and
-//! some height it lies within all joints, and within the friction of all of them (Heyman 1966,
+//! joint has a known weight, so that `H` and the height determine the force in every joint. The arch can stand if for some
+//! `H` and height the force lies within all joints, and within the friction of all of them (Heyman 1966,
 //! 10.1016/0020-7683(66)90018-7; joints that slide: Cocchetti and Rizzi 2020, 10.3221/IGF-ESIS.51.26). These conditions are
 //! linear, and pairs of them leave conditions on `H` alone: an interval.
 
@@ -17,7 +17,7 @@ use std::f64::consts::FRAC_PI_2;
 
 const HEYMAN: &str = "limit analysis (Heyman 1966, 10.1016/0020-7683(66)90018-7; Cocchetti and Rizzi 2020, 10.3221/IGF-ESIS.51.26)";
 
-/// All of it.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let (by_friction, drawings) = friction(effort);
     let mut cases = vec![theory(), by_friction];
@@ -27,7 +27,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases, drawings, ..Findings::default() }
 }
 
-/// Semicircular arch of an odd number of voussoirs, whose middle line has the radius 1 m.
+/// Semicircular arch of an odd number of voussoirs, with a middle line of radius 1 m.
 #[derive(Clone, Copy)]
 struct Arch {
     voussoirs: u32,
@@ -35,17 +35,17 @@ struct Arch {
     thickness: f64,
 }
 
-/// A joint of the right half, and what lies between the crown and it; a voussoir has the weight 1.
+/// A joint of the right half, and the part between the crown and it; a voussoir has the weight 1.
 struct Joint {
-    /// From the crown.
+    /// Angle from the crown.
     angle: f64,
     weight: f64,
-    /// Weight times its distance from the middle of the arch [m].
+    /// Weight times the distance of its centre from the middle of the arch [m].
     moment: f64,
 }
 
 impl Arch {
-    /// Of half a voussoir.
+    /// Half the angle of a voussoir.
     fn half_angle(self) -> f64 {
         FRAC_PI_2 / f64::from(self.voussoirs)
     }
@@ -55,8 +55,8 @@ impl Arch {
         [1.0 - 0.5 * self.thickness, 1.0 + 0.5 * self.thickness]
     }
 
-    /// Half the lower and half the upper edge of the keystone's front, and the height of its centroid above the lower
-    /// edge [m].
+    /// Half the lower and half the upper edge of the keystone's front, and the height of its centroid above the lower edge
+    /// [m].
     fn front(self) -> [f64; 3] {
         let [low, high] = self.radii().map(|radius| radius * self.half_angle().sin());
         let height = self.thickness * self.half_angle().cos();
@@ -87,17 +87,17 @@ impl Arch {
         joints
     }
 
-    /// Can it stand with this coefficient of friction?
+    /// Whether the arch can stand with this coefficient of friction.
     fn can_stand(self, friction: f64) -> bool {
         let joints = self.joints();
-        // Conditions `slope H >= bound`: first of friction.
+        // Conditions `slope H >= bound`, first those of friction.
         let mut conditions = Vec::new();
         for joint in &joints {
             let (sin, cos) = joint.angle.sin_cos();
             conditions.push((sin + friction * cos, joint.weight * (cos - friction * sin)));
             conditions.push((friction * cos - sin, -joint.weight * (cos + friction * sin)));
         }
-        // The moment of the thrust about the middle of the arch is at most and at least this much: value at H = 0, and slope.
+        // Upper and lower limit of the moment of the thrust about the middle of the arch: value at H = 0, and slope.
         let limits = |sign: f64| {
             joints.iter().map(move |joint| {
                 let (sin, cos) = joint.angle.sin_cos();
@@ -116,17 +116,17 @@ impl Arch {
         low <= bound(false).fold(f64::INFINITY, f64::min)
     }
 
-    /// The least coefficient of friction with which it can stand.
+    /// Smallest coefficient of friction with which the arch can stand.
     fn least_friction(self) -> f64 {
         least(0.0, 2.0, |friction| self.can_stand(friction))
     }
 
-    /// The least thickness with which an arch of so many voussoirs that do not slide can stand.
+    /// Smallest thickness with which an arch of this number of voussoirs can stand without sliding.
     fn least_thickness(voussoirs: u32) -> f64 {
         least(0.0, 1.0, |thickness| Self { voussoirs, thickness }.can_stand(100.0))
     }
 
-    /// The voussoirs, which stand on the floor.
+    /// Simulation of the voussoirs, which stand on the floor.
     fn simulation(self, friction: f64, stiffness: f64) -> Simulation {
         let [low, high, up] = self.front();
         let height = self.thickness * self.half_angle().cos();
@@ -151,8 +151,8 @@ impl Arch {
         begun(&at_share(&setup, 0.8), &mut Alone::default())
     }
 
-    /// How far the keystone sinks [m], at most [`FALLEN`], after a second in which the joints are loaded with
-    /// damping; and the arch then.
+    /// Settlement of the keystone [m], at most [`FALLEN`], after a second in which the joints are loaded with damping; and
+    /// the final state.
     fn sinks(self, friction: f64, effort: Effort) -> (f64, Simulation) {
         let mut sim = self.simulation(friction, effort.pick(1e8, 1e9));
         sim.field.damping = 20.0;
@@ -170,7 +170,7 @@ impl Arch {
     }
 }
 
-/// The least number for which something holds, of these two and all between them.
+/// The smallest number between `low` and `high` for which `holds` is true.
 fn least(mut low: f64, mut high: f64, holds: impl Fn(f64) -> bool) -> f64 {
     while high - low > 1e-9 {
         let middle = 0.5 * (low + high);
@@ -179,10 +179,10 @@ fn least(mut low: f64, mut high: f64, holds: impl Fn(f64) -> bool) -> f64 {
     high
 }
 
-/// An arch whose keystone has sunk this far [m] falls.
+/// Settlement of the keystone at which an arch counts as fallen [m].
 const FALLEN: f64 = 0.05;
 
-/// Limit analysis of many voussoirs against what is published.
+/// Limit analysis of many voussoirs against published values.
 fn theory() -> Case {
     let mut case = Case::new(
         HEYMAN,
@@ -197,7 +197,8 @@ fn theory() -> Case {
     case
 }
 
-/// What happens to arches, the keystone's way over [`FALLEN`] [m], a little below and above a limit: those below fall.
+/// Tests arches slightly below and above a limit: those below fall. The result is the settlement of the keystone over
+/// [`FALLEN`].
 fn bracket(
     case: &mut Case,
     what: &str,

@@ -1,4 +1,5 @@
-//! Solids that are poured: their energy adds up, and they come to balance, as `[stop] unbalanced = 1e-3` asks.
+//! Poured solids: their energy balance, and their approach to equilibrium as requested by
+//! `[stop] unbalanced = 1e-3`.
 
 use super::faces::{ENERGY, boxes, pouring, rods, solids, stack, step, steps};
 use super::setup::seen;
@@ -6,14 +7,14 @@ use super::{Case, Drawing, Effort, Findings};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::sim::Simulation;
 
-/// Those that are drawn when they are.
+/// Cases whose final states are drawn.
 const PILE: &str = "54 boxes poured into a box";
 const STACK: &str = "stack of 10 boxes dropped from 1 mm";
 
-/// At most so long [s].
+/// Longest simulated time [s].
 const AT_MOST: f64 = 30.0;
 
-/// All of it.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut case = Case::new(
         ENERGY,
@@ -47,7 +48,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases: vec![packing(effort), case], drawings, ..Findings::default() }
 }
 
-/// The energy that solids lose in a box, and what is missing of it.
+/// Energy that solids lose in a box, and its energy error.
 fn packing(effort: Effort) -> Case {
     let mut case = Case::new(
         ENERGY,
@@ -70,10 +71,10 @@ fn packing(effort: Effort) -> Case {
     case
 }
 
-/// When it is [s]; infinity if it never is.
+/// Time at which the balance is reached [s]; infinity if it never is.
 fn balanced(sim: &mut Simulation) -> f64 {
     while sim.time() < AT_MOST {
-        // As often as a run looks.
+        // At the interval of checks in a run.
         (0..100).for_each(|_| step(sim));
         let measures = sim.measure(&mut Alone::default());
         if measures.mean_normal_force > 0.0 && measures.unbalanced < 1e-3 {

@@ -1,10 +1,10 @@
-//! Balls, and a ball that is thrown at a floor: what several sources do.
+//! Balls, and a ball thrown at a floor, for several sources.
 
 use super::{Grain, Plane, Setup, Ways};
 use dem_mpi::math::Vec3;
 use std::f64::consts::PI;
 
-/// A ball and its material, which is that of the floor, too.
+/// A ball and its material, which is also that of the floor.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ball {
     /// Radius [m].
@@ -19,7 +19,7 @@ pub(crate) struct Ball {
     pub(crate) friction: f64,
     /// Coefficient of restitution.
     pub(crate) restitution: f64,
-    /// May the dashpot pull at the end of a contact?
+    /// Whether the dashpot may pull at the end of a contact.
     pub(crate) pulls: bool,
 }
 
@@ -29,19 +29,19 @@ impl Ball {
         4.0 / 3.0 * PI * self.radius.powi(3) * self.density
     }
 
-    /// Fraction of critical damping of a dashpot that pulls to the end.
+    /// Fraction of critical damping of a dashpot that may pull.
     pub(crate) fn damping_ratio(&self) -> f64 {
         let log = self.restitution.ln();
         -log / PI.hypot(log)
     }
 
-    /// How long it touches a wall, without gravity and friction [s]; of two equal balls √2 less.
+    /// Duration of a contact with a wall, without gravity and friction [s]; for two equal balls shorter by √2.
     pub(crate) fn contact_time(&self) -> f64 {
         let z = self.damping_ratio();
         PI / ((self.normal / self.mass()).sqrt() * (1.0 - z * z).sqrt())
     }
 
-    /// As a scene has it: material `m`, shape `ball`.
+    /// Text in a scene: material `m`, shape `ball`.
     pub(crate) fn text(&self) -> String {
         let Self { radius, density, normal, tangential, friction, restitution, pulls } = self;
         format!(
@@ -62,7 +62,7 @@ radius = {radius:e}"#,
         )
     }
 
-    /// It alone over the floor z = 0, its lowest point at `height` [m], thrown so.
+    /// The ball alone over the floor z = 0, with its lowest point at `height` [m] and these velocities.
     pub(crate) fn over_floor(&self, height: f64, velocity: Vec3, spin: Vec3, dt: f64) -> Setup {
         let place = Vec3::new(0.0, 0.0, self.radius + height);
         Setup {
@@ -74,11 +74,11 @@ radius = {radius:e}"#,
         }
     }
 
-    /// Throws it at the floor without gravity, with so many steps per contact, in all ways. The velocity's z must be
+    /// Throws the ball at the floor without gravity, in all `Ways`. The z component of the velocity must be
     /// negative.
     pub(crate) fn impact(&self, throw: &Throw, ways: &mut Ways, name: &str) -> Rebound {
         let dt = self.contact_time() / throw.steps_per_contact;
-        // It touches within the first step, at no special time.
+        // Touch occurs within the first step, at an arbitrary time.
         let height = -throw.velocity.z * dt * 0.37;
         let setup = self.over_floor(height, throw.velocity, throw.spin, dt);
         let steps = (1.2 * throw.steps_per_contact) as u64 + 5;
@@ -95,19 +95,19 @@ radius = {radius:e}"#,
     }
 }
 
-/// How a ball is thrown at a floor.
+/// Initial motion of a ball thrown at a floor.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Throw {
     /// Velocity [m/s].
     pub(crate) velocity: Vec3,
     /// Angular velocity [rad/s].
     pub(crate) spin: Vec3,
-    /// Steps per contact.
+    /// Number of steps per contact.
     pub(crate) steps_per_contact: f64,
 }
 
 impl Throw {
-    /// With this speed [m/s] at an angle [degrees] from the normal, towards +x.
+    /// Throw with this speed [m/s] at an angle [degrees] from the normal, towards +x.
     pub(crate) fn oblique(speed: f64, degrees: f64, steps_per_contact: f64) -> Self {
         let angle = degrees.to_radians();
         let velocity = Vec3::new(speed * angle.sin(), 0.0, -speed * angle.cos());
@@ -115,15 +115,15 @@ impl Throw {
     }
 }
 
-/// How it comes back.
+/// Rebound of a ball.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rebound {
     /// Velocity [m/s].
     pub(crate) velocity: Vec3,
     /// Angular velocity [rad/s].
     pub(crate) spin: Vec3,
-    /// Kinetic energy over that before.
+    /// Kinetic energy over that before the impact.
     pub(crate) energy: f64,
-    /// The most that it had on the way.
+    /// Largest kinetic energy on the way over that before the impact.
     pub(crate) most_energy: f64,
 }

@@ -1,14 +1,14 @@
 //! Chung and Ooi 2011, DOI 10.1007/s10035-011-0277-0: the tests that do not depend on the normal law. Numbers read off
 //! the paper's curves are those of Kratos (`applications/DEMApplication/tests`).
 //!
-//! The springs are linear; their stiffness is such that the greatest overlap of test 3 is that of Hertz.
+//! The springs are linear; their stiffness gives the largest overlap of test 3 that Hertz' law has.
 
 use super::{Ball, Case, Effort, Findings, Grain, Setup, Throw, Ways};
 use dem_mpi::math::Vec3;
 
 const SOURCE: &str = "Chung and Ooi 2011, 10.1007/s10035-011-0277-0";
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut ways = Ways::new(SOURCE);
     let mut cases = vec![restitution(effort, &mut ways)];
@@ -56,8 +56,8 @@ fn restitution(effort: Effort, ways: &mut Ways) -> Case {
     case
 }
 
-/// Angle [degrees]; the paper's tangential velocity after over before, angular velocity [rad/s], rebound of the point
-/// of contact [degrees], read off its curves for aluminium oxide.
+/// Angle [degrees]; ratio of the tangential velocities after and before, angular velocity [rad/s] and rebound of the
+/// contact point [degrees] of the paper, read off its curves for aluminium oxide.
 const TEST_4: [[f64; 4]; 6] = [
     [35.0, 0.737, 582.3, 3.43],
     [40.0, 0.781, 544.8, 11.57],
@@ -168,7 +168,8 @@ fn opposite_spins(effort: Effort, ways: &mut Ways) -> [Case; 2] {
     [moves, turns]
 }
 
-/// The sizes of test 8, in gross sliding: the impulse along the normal is m* (1+e) v, friction's is mu times that.
+/// The sizes of test 8, in gross sliding: the impulse along the normal is m* (1+e) v, that of friction mu times as
+/// large.
 fn unequal(effort: Effort, ways: &mut Ways) -> Case {
     let mut case = Case::new(
         SOURCE,

@@ -1,5 +1,5 @@
-//! Orders of convergence: closed forms and the reference over four steps, each half of the one before, and LAMMPS
-//! beside them where it is installed.
+//! Orders of convergence: closed forms and the reference over four step sizes, each half of the one before, and
+//! LAMMPS beside them if it is installed.
 
 use super::free_motion::Top;
 use super::{
@@ -15,21 +15,21 @@ const G: f64 = 9.81;
 /// A number and its exact value.
 type Pair = (f64, f64);
 
-/// The errors of a run in so many steps, by what they are of.
+/// Errors of a run in this number of steps, with the names of the quantities.
 type Errors = Box<dyn Fn(u64) -> Vec<(&'static str, f64)>>;
 
 /// A motion with an exact solution.
 struct Problem {
     name: &'static str,
-    /// The order that it has by nature.
+    /// Expected order.
     order: f64,
-    /// Why not more.
+    /// Reason why the order is not higher.
     why: &'static str,
-    /// Steps of the coarsest run; others have 2, 4 and 8 times as many.
+    /// Steps of the coarsest run; the others have 2, 4 and 8 times as many.
     steps: u64,
-    /// Of translation, of rotation, or of both.
+    /// Errors of translation, rotation, or both.
     error: Errors,
-    /// The same of LAMMPS.
+    /// Errors of LAMMPS.
     of_lammps: Option<Errors>,
 }
 
@@ -101,12 +101,12 @@ impl Orders {
 }
 
 impl Problem {
-    /// Steps of its four runs.
+    /// Steps of the four runs.
     fn all_steps(&self) -> [u64; 4] {
         [0, 1, 2, 3].map(|k| self.steps << k)
     }
 
-    /// The errors of these runs, for each quantity.
+    /// Errors of these runs, for each quantity.
     fn errors(
         &self,
         of: &dyn Fn(u64) -> Vec<(&'static str, f64)>,
@@ -116,14 +116,14 @@ impl Problem {
         (0..all[0].len()).map(quantity).collect()
     }
 
-    /// Errors over steps, as a picture has them.
+    /// Errors over steps, for a picture.
     fn points(&self, errors: &[f64]) -> Vec<(f64, f64)> {
         let over_coarsest = |n: u64| n as f64 / self.steps as f64;
         self.all_steps().into_iter().map(over_coarsest).zip(errors.iter().copied()).collect()
     }
 }
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut findings = Findings::default();
     let mut orders = Orders::new();
@@ -168,7 +168,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     findings
 }
 
-/// The order that errors show whose steps halve: the slope of the line of least squares through their logarithms.
+/// Order of errors at successively halved steps: slope of the least-squares line through their logarithms.
 fn slope(errors: &[f64]) -> f64 {
     let points: Vec<Pair> =
         errors.iter().enumerate().map(|(k, e)| (k as f64, -e.ln() / LN_2)).collect();
@@ -199,7 +199,7 @@ fn off(pairs: &[Pair]) -> f64 {
     pairs.iter().map(|(found, exact)| (found - exact).abs()).fold(0.0, f64::max)
 }
 
-/// A ball over the floor at the start, for LAMMPS.
+/// Initial state of a ball over the floor, for LAMMPS.
 fn start(setup: &Setup) -> Body {
     let grain = &setup.grains[0];
     Body {
@@ -216,7 +216,7 @@ fn start(setup: &Setup) -> Body {
 
 const WITH_DASHPOT: &str = "the dashpot's force is of a velocity that is not that of the positions";
 
-/// A ball that swings on its contact with the floor and never leaves it.
+/// A ball that oscillates on its contact with the floor and never leaves it.
 fn resting(name: &'static str, restitution: f64) -> Problem {
     let ball = ball(restitution);
     let (omega, z) = ((ball.normal / ball.mass()).sqrt(), ball.damping_ratio());
@@ -258,7 +258,7 @@ fn resting(name: &'static str, restitution: f64) -> Problem {
     }
 }
 
-/// A ball that meets the floor and leaves it: root mean square over eight times of touch within a step.
+/// A ball that hits the floor and leaves it: root mean square over eight times of touch within a step.
 fn collision(name: &'static str, restitution: f64) -> Problem {
     let ball = ball(restitution);
     let speed = 0.5;
@@ -301,14 +301,13 @@ fn collision(name: &'static str, restitution: f64) -> Problem {
     }
 }
 
-/// The exact motion along the floor of a ball that rests on its static overlap, its surface held by a spring that a
-/// slider ends.
+/// Exact motion along the floor of a ball on its static overlap. Its surface is held by a spring with a slider.
 #[derive(Clone, Copy)]
 struct Held {
     ball: Ball,
-    /// Of the force about the centre [m].
+    /// Lever arm of the force about the centre [m].
     arm: f64,
-    /// At the start [m/s].
+    /// Initial velocity [m/s].
     velocity: f64,
 }
 
@@ -317,15 +316,15 @@ impl Held {
         self.ball.mass() * G / self.ball.normal
     }
 
-    /// Previous [m], velocity [m/s] and spin [rad/s] at a time [s].
+    /// Position [m], velocity [m/s] and spin [rad/s] at a time [s].
     fn at(&self, time: f64) -> [f64; 3] {
         let (m, k) = (self.ball.mass(), self.ball.tangential);
         let inertia = 0.4 * m * self.ball.radius.powi(2);
         let softness = 1.0 / m + self.arm * self.arm / inertia;
         let omega = (k * softness).sqrt();
         let most = self.ball.friction * m * G / k;
-        // Sticking from the start, sliding from `a`, sticking again from `b`: spring and what it did until then, as
-        // its integral and the integral of that.
+        // Sticking from the start, sliding from `a`, sticking again from `b`: the spring, with its integral and
+        // double integral until then.
         let a = if most * omega < self.velocity {
             (most * omega / self.velocity).asin() / omega
         } else {
@@ -379,7 +378,7 @@ impl Held {
     }
 }
 
-/// A ball on the floor whose surface sticks, or slides on the way.
+/// A ball on the floor whose surface sticks, or slides in between.
 fn held(name: &'static str, ball: Ball, velocity: f64, end: f64, steps: u64) -> Problem {
     let here = move |ball: Ball| {
         let overlap = ball.mass() * G / ball.normal;
@@ -406,7 +405,7 @@ fn held(name: &'static str, ball: Ball, velocity: f64, end: f64, steps: u64) -> 
         of_lammps: Some(Box::new(move |n| {
             let setup = setup(n);
             let end_of = decks::ball_on_floor(&ball, &start(&setup), G, setup.dt, n);
-            // LAMMPS' lever arm is the radius.
+            // The lever arm in LAMMPS is the radius.
             Held { arm: ball.radius, ..here(ball) }.error(&end_of, end)
         })),
     }
@@ -417,13 +416,13 @@ fn sticking() -> Problem {
     held("ball_that_sticks", ball, 1e-3, 2.3e-3, 92)
 }
 
-/// It sticks, slides from 0.04 % of the time on, and sticks again in the end.
+/// The surface sticks, slides from 0.04 % of the time on, and sticks again at the end.
 fn sliding() -> Problem {
     held("ball_that_slides_and_sticks", ball(1.0), 0.01, 2.7e-3, 135)
 }
 
-/// MFIX' ball at 2.5 degrees, which slides at first and at the end of a contact: root mean square over four times of
-/// touch within a step. Exact is an integration in 40,000 steps.
+/// MFIX' ball at 2.5 degrees, which slides at the beginning and the end of a contact: root mean square over four
+/// times of touch within a step. The reference is an integration in 40,000 steps.
 fn oblique() -> Problem {
     let (ball, degrees, speed) = (super::mfix::oxide_ball(1.0), 2.5, 3.9);
     let angle = f64::to_radians(degrees);
@@ -461,7 +460,7 @@ fn oblique() -> Problem {
     }
 }
 
-/// A body of equal axes that falls and spins under global damping.
+/// A body of equal axes in free fall with spin under global damping.
 fn damped_flight() -> Problem {
     let (damping, end) = (3.0, 1.0);
     Problem {
@@ -504,7 +503,8 @@ fn damped_flight() -> Problem {
     }
 }
 
-/// An ellipsoid that rocks far on a smooth floor: the reference's angle, height and their rates.
+/// An ellipsoid that rocks with a large amplitude on a smooth floor: angle and height of the reference, and their
+/// rates.
 fn rocking() -> Problem {
     let reference = parse_reference("dem_rocking.json");
     let case = reference["cases"][0].clone();

@@ -1,17 +1,17 @@
-//! LAMMPS beside this program, where Debian's `lmp` is installed: decks of one body, and the state at their end.
+//! LAMMPS beside this program, if Debian's `lmp` is installed: decks of one body, and its final state.
 
 use super::{Ball, Body};
 use dem_mpi::math::{Quat, Vec3};
 use nalgebra::Quaternion;
 use std::process::{Command, Stdio};
 
-/// Is LAMMPS there?
+/// Whether LAMMPS is installed.
 pub(crate) fn is_there() -> bool {
     let asked = Command::new("lmp").arg("-h").stdout(Stdio::null()).stderr(Stdio::null()).status();
     asked.is_ok_and(|status| status.success())
 }
 
-/// Runs a deck that dumps its only atom's columns to `end`, and returns the last of them.
+/// Runs a deck that dumps the columns of its only atom to `end`, and returns the last of them.
 fn run(deck: &str) -> Vec<f64> {
     let folder = tempfile::tempdir().expect("a folder for LAMMPS");
     std::fs::write(folder.path().join("in"), deck).expect("a deck");
@@ -27,7 +27,7 @@ fn run(deck: &str) -> Vec<f64> {
     last.split_whitespace().map(|cell| cell.parse().expect("a number")).collect()
 }
 
-/// A ball over the floor z = 0, with damping of the normal spring that may pull, after so many steps. Without
+/// A ball over the floor z = 0 after `steps` steps, with damping of the normal spring that may pull. There is no
 /// gravity if `gravity` is zero.
 pub(crate) fn ball_on_floor(ball: &Ball, start: &Body, gravity: f64, dt: f64, steps: u64) -> Body {
     let Ball { radius, density, normal, tangential, friction, .. } = ball;
@@ -70,7 +70,7 @@ run {steps}
     Body { position: vector(0), velocity: vector(3), spin: vector(6), ..start.clone() }
 }
 
-/// A free ellipsoid of density 1 with these semi-axes after so many steps.
+/// A free ellipsoid of density 1 with these semi-axes after `steps` steps.
 pub(crate) fn free_ellipsoid(semi_axes: &Vec3, start: &Body, dt: f64, steps: u64) -> Body {
     let mass = 4.0 / 3.0 * std::f64::consts::PI * semi_axes.product();
     let squares = semi_axes.component_mul(semi_axes);

@@ -1,9 +1,9 @@
-//! The speed of the domino effect, against the theory of van Leeuwen (2010, Am. J. Phys. 78, 721, 10.1119/1.3406154).
+//! Speed of the domino effect, against the theory of van Leeuwen (2010, Am. J. Phys. 78, 721, 10.1119/1.3406154).
 //!
-//! In that theory dominoes turn about their front edges and do not slip on the floor; collisions are inelastic, so that all
-//! that fell leans on each other as a train, which slides along their backs with friction. One angle describes the train, that of its head:
-//! between collisions it follows one equation of motion, and a collision changes its speed by a factor. The theory is solved
-//! here by quadrature, for the steady speed.
+//! In this theory dominoes rotate about their front edges and do not slip on the floor. Collisions are inelastic, so that all
+//! fallen dominoes lean on each other as a train, which slides along their backs with friction. One angle describes the train,
+//! that of its head. Between collisions it follows one equation of motion, and a collision changes its speed by a factor. The
+//! theory is solved here by quadrature for the steady speed.
 
 use super::faces::{G, Solid, at_share, cuboid, step};
 use super::setup::begun;
@@ -14,7 +14,7 @@ use dem_mpi::sim::Simulation;
 
 const VAN_LEEUWEN: &str = "van Leeuwen 2010, 10.1119/1.3406154";
 
-/// All of it.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut smooth = Case::new(
         VAN_LEEUWEN,
@@ -43,19 +43,19 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases, ..Findings::default() }
 }
 
-/// Dominoes of height 1 m.
+/// A row of dominoes of height 1 m.
 #[derive(Clone, Copy)]
 struct Row {
-    /// [m]
+    /// Thickness of a domino [m].
     thickness: f64,
-    /// Between the faces of neighbours [m].
+    /// Gap between the faces of neighbours [m].
     gap: f64,
-    /// Among the dominoes.
+    /// Coefficient of friction between dominoes.
     friction: f64,
 }
 
-/// What the equation of motion `inertia θ'' + change θ'² = moment` of a train has at an angle of its head, over the moment of
-/// inertia of a domino.
+/// Coefficients of the equation of motion `inertia θ'' + change θ'² = moment` of a train at an angle of its head, over the moment
+/// of inertia of a domino.
 #[derive(Clone, Copy, Default)]
 struct Train {
     inertia: f64,
@@ -64,7 +64,7 @@ struct Train {
 }
 
 impl Row {
-    /// From one domino to the next [m].
+    /// Distance from one domino to the next [m].
     fn pitch(self) -> f64 {
         self.gap + self.thickness
     }
@@ -79,24 +79,24 @@ impl Row {
         (1.0 + self.thickness * self.thickness) / 3.0
     }
 
-    /// The angle of the domino that leans on one with this angle.
+    /// Angle of the domino that leans on one with this angle.
     fn behind(self, angle: f64) -> f64 {
         angle + (self.pitch() * angle.cos() - self.thickness).clamp(-1.0, 1.0).asin()
     }
 
-    /// How fast the angle of the domino that leans on one with this angle changes with it.
+    /// Derivative of the angle of the domino that leans on one with this angle.
     fn follows(self, angle: f64) -> f64 {
         1.0 - self.pitch() * angle.sin() / (self.behind(angle) - angle).cos()
     }
 
-    /// The moment on a domino over the opposite one on the domino that leans on it.
+    /// Ratio of the moment on a domino to the opposite moment on the domino that leans on it.
     fn passes(self, angle: f64) -> f64 {
         let (sin, cos) = (self.behind(angle) - angle).sin_cos();
         let height = cos - self.pitch() * angle.sin();
         (height - self.friction * self.thickness) / (cos + self.friction * sin)
     }
 
-    /// The speeds of the dominoes of a train over that of its head, with their angles and weights in the equation of motion.
+    /// Angle, speed over that of the head, and weight in the equation of motion for each domino of a train.
     fn speeds(self, head: f64) -> impl Iterator<Item = [f64; 3]> {
         let (mut angle, mut speed, mut weight) = (head, 1.0, 1.0);
         (0..60).map(move |_| {
@@ -121,7 +121,7 @@ impl Row {
         train
     }
 
-    /// The speed at which the row topples, over `√(g height)`.
+    /// Speed of the row over `√(g height)`.
     fn speed(self) -> f64 {
         const PARTS: usize = 400;
         let part = self.meets() / PARTS as f64;
@@ -131,7 +131,7 @@ impl Row {
         let lever = (meets.cos() + self.friction * meets.sin())
             / (meets.cos() - self.friction * self.thickness);
         let kept = last / (last + lever);
-        // Square of the speed of the head, when a collision has made it the head.
+        // Square of the speed of a domino when a collision makes it the head.
         let mut start: f64 = G;
         let mut time = 0.0;
         for _ in 0..200 {
@@ -169,7 +169,7 @@ impl Row {
         let grains = (0..count).map(|k| {
             let grain =
                 Grain::at("solid", Vec3::x() * (f64::from(k) * self.pitch()) + Vec3::z() * 0.5);
-            // The first is pushed.
+            // The first domino is pushed.
             let spin = if k == 0 { Vec3::y() * 2.0 * G.sqrt() } else { Vec3::zeros() };
             grain.moving(spin.cross(&arm)).spinning(spin)
         });

@@ -1,7 +1,7 @@
 //! Hertz and Mindlin in oblique impacts: tests 4 to 8 of Chung and Ooi 2011, DOI 10.1007/s10035-011-0277-0, and the column with
-//! Hertz' law of MFIX' DEM05, with the experiment of Kharaz, Gorham, Salman 2001, DOI 10.1016/S0032-5910(01)00283-2. What is read
-//! off the paper's curves are the numbers of Kratos (`applications/DEMApplication/tests`). Where balls slide all the time, rigid bodies
-//! are exact; where they stick, curves stand beside, and nothing is fitted to them.
+//! Hertz' law of MFIX' DEM05, with the experiment of Kharaz, Gorham, Salman 2001, DOI 10.1016/S0032-5910(01)00283-2. Numbers read
+//! off the paper's curves are those of Kratos (`applications/DEMApplication/tests`). Where balls slide all the time, the exact
+//! solution is that of rigid bodies. Where they stick, results are compared with curves, and nothing is fitted to them.
 
 use super::{Case, Effort, Findings, Frame, Grain, Plane, Setup, Ways, mfix};
 use dem_mpi::math::Vec3;
@@ -11,7 +11,7 @@ const SOURCE: &str = "Chung and Ooi 2011, 10.1007/s10035-011-0277-0, Hertz-Mindl
 const MFIX: &str = "MFIX (Garg et al. 2012, 10.1016/j.powtec.2011.09.019), Hertz-Mindlin";
 const KHARAZ: &str = "Kharaz et al. 2001, 10.1016/S0032-5910(01)00283-2, Hertz-Mindlin";
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut ways = Ways::new(SOURCE);
     let mut cases = test_4(effort, &mut ways);
@@ -38,21 +38,21 @@ const RIGID: Material = Material(7e20, 0.0, 1.0);
 struct Thrown {
     ball: Material,
     floor: Material,
-    /// [m]
+    /// Radius [m].
     radius: f64,
     friction: f64,
     restitution: f64,
     /// Velocity along the floor and towards it [m/s].
     velocity: [f64; 2],
-    /// About y: its surface goes the other way than along x [rad/s].
+    /// Angular velocity about y [rad/s]; the surface moves opposite to the velocity along x.
     spin: f64,
 }
 
-/// How it comes back.
+/// Rebound of a ball.
 struct Back {
-    /// Along the floor and away from it [m/s].
+    /// Velocity along the floor and away from it [m/s].
     velocity: [f64; 2],
-    /// About y [rad/s].
+    /// Angular velocity about y [rad/s].
     spin: f64,
 }
 
@@ -60,7 +60,7 @@ struct Back {
 const DURATION: f64 = 2.943_275_2;
 /// Mean of the overlap over the largest, weighted by the force: `Γ(1.4) Γ(1/2) / (2 Γ(1.9))`.
 const MEAN_OVERLAP: f64 = 0.817_57;
-/// Of a contact.
+/// Number of steps of a contact.
 const STEPS: f64 = 1000.0;
 
 impl Thrown {
@@ -77,7 +77,7 @@ impl Thrown {
         DURATION * self.overlap() / self.velocity[1] / STEPS
     }
 
-    /// Mean lever arm of the force over the radius: it acts in the middle of the overlap.
+    /// Mean lever arm of the force over the radius: the force acts in the middle of the overlap.
     fn arm(&self) -> f64 {
         1.0 - 0.5 * MEAN_OVERLAP * self.overlap() / self.radius
     }
@@ -124,13 +124,14 @@ impl Thrown {
     }
 }
 
-/// Tangential velocity after over before, angular velocity [rad/s] and an angle of rebound [degrees].
+/// Names of the results: ratio of the tangential velocities after and before, angular velocity [rad/s] and an angle of rebound
+/// [degrees].
 fn names() -> [&'static str; 3] {
     ["tangential velocity", "spin", "rebound"]
 }
 
-/// Angle [degrees]; tangential velocity after over before of aluminium oxide and alloy, angular velocity [rad/s] and rebound of
-/// the contact point [degrees] of the oxide, read off the paper.
+/// Angle [degrees]; ratio of the tangential velocities after and before for aluminium oxide and for alloy; angular velocity
+/// [rad/s] and rebound of the contact point [degrees] for the oxide. Read off the paper.
 const TEST_4: [[f64; 5]; 12] = [
     [5.0, 0.948, 0.899, 19.3, 3.76],
     [10.0, 0.687, 0.671, 213.0, -1.56],
@@ -210,7 +211,7 @@ fn test_4(effort: Effort, ways: &mut Ways) -> Vec<Case> {
     vec![exact, paper]
 }
 
-/// Steel: tangential over normal velocity before and after, both over the friction, read off the paper.
+/// Steel: ratio of tangential to normal velocity before and after, both over the friction, read off the paper.
 const TEST_5_SURFACE: [[f64; 2]; 11] = [
     [0.07, -0.08],
     [0.33, -0.28],
@@ -224,10 +225,10 @@ const TEST_5_SURFACE: [[f64; 2]; 11] = [
     [3.34, -2.69],
     [4.0, -2.79],
 ];
-/// The same by finite elements.
+/// Steel: results of finite elements, in the same quantities.
 const TEST_5_FINITE_ELEMENTS: [[f64; 2]; 6] =
     [[0.27, -0.03], [0.88, -0.08], [1.55, -0.37], [2.31, -0.95], [3.32, -1.52], [3.97, -1.72]];
-/// The same of the velocity by the spin.
+/// Steel: velocity by the spin instead of that of the surface.
 const TEST_5_SPIN: [[f64; 2]; 11] = [
     [0.058, -0.106],
     [0.353, -0.430],
@@ -322,9 +323,9 @@ fn test_5(effort: Effort, ways: &mut Ways) -> Vec<Case> {
     vec![exact, paper, halved, elements]
 }
 
-/// Velocity of the surface and of the spin after an elastic impact of steel on a rigid plane, over friction times normal velocity, for
-/// the same ratio before: with a part of the tangential stiffness of Mindlin, without the program. Mass, normal velocity and the
-/// factor of `δ^(3/2)` are 1.
+/// Velocities of the surface and of the spin after an elastic impact of steel on a rigid plane, over friction times normal
+/// velocity. `ratio` is the same quantity of the surface before. The result is computed independently of the program, with a part
+/// of Mindlin's tangential stiffness. Mass, normal velocity and the factor of `δ^(3/2)` are 1.
 fn with_part_of_mindlin(part: f64, ratio: f64, friction: f64) -> [f64; 2] {
     let tangential = part * 2.0 * (1.0 - STEEL.1) / (2.0 - STEEL.1) * 1.5;
     let (mut overlap, mut approach, mut surface) = (0.0_f64, 1.0, ratio * friction);
@@ -371,7 +372,7 @@ fn test_6(effort: Effort, ways: &mut Ways) -> Case {
     case
 }
 
-/// Two balls that meet head-on along x, with spins about z; the second may be another shape.
+/// Two balls that collide head-on along x, with spins about z; the second may have another shape.
 fn meeting(thrown: &Thrown, more: &str, grains: &[Grain; 2]) -> Setup {
     Setup {
         gravity: Vec3::zeros(),
@@ -466,8 +467,8 @@ fn test_8(effort: Effort, ways: &mut Ways) -> Case {
     case
 }
 
-/// Angle [degrees]; MFIX with Hertz: tangential velocity after over before, angular velocity [rad/s], angle of the centre's
-/// rebound [degrees].
+/// Angle [degrees]; results of MFIX with Hertz' law: ratio of the tangential velocities after and before, angular velocity
+/// [rad/s], angle of the centre's rebound [degrees].
 const DEM05: [[f64; 4]; 10] = [
     [2.5, 0.9967, 0.56, 2.492],
     [5.0, 0.9400, 20.3, 4.702],

@@ -1,5 +1,5 @@
-//! Hertz's law of contacts that are ellipses (Johnson 1985, *Contact Mechanics*, DOI 10.1017/CBO9781139171731, equations 4.26 to
-//! 4.32): impacts of ellipsoids, beside elliptic integrals by quadrature.
+//! Hertz' law of elliptic contacts (Johnson 1985, *Contact Mechanics*, DOI 10.1017/CBO9781139171731, equations 4.26 to 4.32):
+//! impacts of ellipsoids, compared with elliptic integrals by quadrature.
 
 use super::{Case, Effort, Findings, Frame, Grain, Plane, Setup, Ways};
 use dem_mpi::math::{Quat, Vec3};
@@ -16,8 +16,8 @@ const SIZE: f64 = 1e-3;
 /// Relative velocity [m/s].
 const SPEED: f64 = 0.5;
 
-/// A contact ellipse with axes in this ratio of the shorter to the longer: `R'/R''`, and `F2`. Integrals by the trapezoidal rule,
-/// which converges geometrically for what is periodic.
+/// `R'/R''` and `F2` of a contact ellipse with this ratio of the shorter to the longer axis. Integrals use the trapezoidal rule,
+/// which converges geometrically for periodic functions.
 pub(crate) fn ellipse(axes: f64) -> [f64; 2] {
     const COUNT: u32 = 20_000;
     let (mut of_cos, mut of_sin) = (0.0, 0.0);
@@ -47,7 +47,7 @@ pub(crate) fn f2_of(ratio: f64) -> f64 {
     ellipse(high)[1]
 }
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut ways = Ways::new(SOURCE);
     let steps = effort.pick(1000.0, 4000.0);
@@ -61,7 +61,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases, notes: others(), ..Findings::default() }
 }
 
-/// The scene's tables.
+/// Tables of the scene.
 fn text(restitution: f64) -> String {
     format!(
         "[law]\nnormal = \"hertz\"\n\
@@ -77,7 +77,7 @@ fn mass() -> f64 {
     4.0 / 3.0 * PI * 2.0 * SIZE.powi(3) * DENSITY
 }
 
-/// `N / δ^(3/2)` of a grain and a rigid body for this radius [m].
+/// `N / δ^(3/2)` of a particle and a rigid body for this radius [m].
 fn stiffness(radius: f64) -> f64 {
     4.0 / 3.0 * YOUNGS / (1.0 - POISSON * POISSON) * radius.sqrt()
 }
@@ -89,7 +89,7 @@ fn closed_form(k: f64, mass: f64) -> [f64; 2] {
     [2.943_275_2 * overlap / SPEED, k * overlap.powf(1.5)]
 }
 
-/// The same of frames after each step, of which `gap` tells how far surfaces are apart [m].
+/// Contact time [s] and largest force [N] from frames after each step, with `gap` the distance of the surfaces [m].
 fn measured(frames: &[Frame], gap: impl Fn(&Frame) -> f64) -> [f64; 2] {
     let gaps: Vec<f64> = frames.iter().map(gap).collect();
     let dt = frames[1].time - frames[0].time;
@@ -110,7 +110,7 @@ fn impact(case: &mut Case, what: &str, expected: [f64; 2], found: [f64; 2]) {
     }
 }
 
-/// On its side, where the radii of curvature are 4 and 1 times the size.
+/// An ellipsoid on its side, where the radii of curvature are 4 and 1 times the size.
 fn on_a_plane(steps: f64, ways: &mut Ways) -> Case {
     let mut case = Case::new(
         SOURCE,
@@ -141,7 +141,8 @@ fn on_a_plane(steps: f64, ways: &mut Ways) -> Case {
     case
 }
 
-/// Two of them: crossed at a right angle both radii of relative curvature are 4/5 of the size; side by side they are 2 and 1/2.
+/// Two ellipsoids. Crossed at a right angle, both radii of relative curvature are 4/5 of the size; side by side they are 2 and
+/// 1/2 of it.
 fn crossed(steps: f64, ways: &mut Ways) -> Case {
     let mut case = Case::new(
         SOURCE,
@@ -154,7 +155,7 @@ fn crossed(steps: f64, ways: &mut Ways) -> Case {
         ("crossed", FRAC_PI_2, stiffness(0.8 * SIZE)),
         ("side by side", 0.0, stiffness(SIZE) * f2_of(4.0).powf(-1.5)),
     ] {
-        // Half of E*, half of the mass.
+        // Half of E*, and half of the mass.
         let expected = closed_form(0.5 * root, 0.5 * mass());
         let dt = expected[0] / steps;
         let place = Vec3::z() * (SIZE + 0.5 * SPEED * dt * 10.37);
@@ -206,7 +207,7 @@ fn restitution(effort: Effort, ways: &mut Ways) -> Case {
     case
 }
 
-/// Without losses, in any orientation: the energy changes with where they touch.
+/// Elastic impacts in any orientation: the energy depends on the position of the contact.
 fn oblique(effort: Effort, ways: &mut Ways) -> Case {
     let mut case = Case::new(
         SOURCE,
@@ -249,7 +250,7 @@ fn oblique(effort: Effort, ways: &mut Ways) -> Case {
     case
 }
 
-/// What a radius from one body alone makes of the drop on the side.
+/// Results of the drop on the side with a radius that depends on one body alone.
 fn others() -> Vec<String> {
     let exact = closed_form(stiffness(2.0 * SIZE) * f2_of(4.0).powf(-1.5), mass());
     let all = [

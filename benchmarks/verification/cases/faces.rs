@@ -1,4 +1,4 @@
-//! Bodies with faces or straight sides: collisions that keep their energy, rest on slopes, restitution, a rocking block, stacks at rest.
+//! Bodies with faces or straight sides: elastic collisions, rest on slopes, restitution, a rocking block, stacks at rest.
 
 use super::setup::{begun, poured};
 use super::{Case, Effort, Findings, Grain, Plane, Setup};
@@ -18,7 +18,7 @@ pub(super) const COULOMB: &str = "closed form (Coulomb)";
 const HOUSNER: &str = "Housner 1963, 10.1785/BSSA0530020403";
 pub(super) const G: f64 = 9.81;
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut cases = Vec::from(collisions(effort));
     cases.extend(slopes(effort));
@@ -28,7 +28,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases, ..Findings::default() }
 }
 
-/// A solid: its name, its corners, and the radius that rolls around it [m]. A spherocylinder has two corners, on x.
+/// A solid: its name, its corners, and the rounding radius around it [m]. A spherocylinder has two corners, on x.
 pub(super) struct Solid {
     pub(super) name: &'static str,
     pub(super) corners: Vec<Vec3>,
@@ -58,12 +58,12 @@ pub(super) fn solids() -> Vec<Solid> {
 }
 
 impl Solid {
-    /// As a scene has it.
+    /// Table in a scene.
     pub(super) fn text(&self) -> String {
         self.text_as("solid")
     }
 
-    /// The same under another name.
+    /// Table in a scene under another name.
     pub(super) fn text_as(&self, name: &str) -> String {
         if let [one, other] = &self.corners[..] {
             return format!(
@@ -88,7 +88,7 @@ impl Solid {
 
 /// A scene with its step at this share of the stable limit.
 pub(super) fn at_share(setup: &Setup, share: f64) -> Scene {
-    // A step so short that it is accepted whatever the limit.
+    // A step so short that it is accepted for any limit.
     let mut scene = Setup { dt: 1e-12, ..setup.clone() }.scene(1);
     scene.dt = share * scene.time_step_limit().expect("something pushes").dt;
     scene
@@ -104,7 +104,7 @@ pub(super) fn steps(sim: &mut Simulation, time: f64) {
     }
 }
 
-/// Momentum and angular momentum.
+/// Total momentum and angular momentum.
 fn momenta(sim: &Simulation) -> [Vec3; 2] {
     let particles = &sim.particles;
     let (mut momentum, mut angular) = (Vec3::zeros(), Vec3::zeros());
@@ -116,13 +116,13 @@ fn momenta(sim: &Simulation) -> [Vec3; 2] {
     [momentum, angular]
 }
 
-/// What a collision made of energy (relative), momentum and angular momentum.
+/// Changes by a collision of energy (relative), momentum and angular momentum.
 struct Change {
     energy: f64,
     momenta: [f64; 2],
 }
 
-/// Two bodies that are to collide, with the names that a scene gives them.
+/// Two bodies for collisions, with their names in a scene.
 pub(super) struct Pair {
     names: [&'static str; 2],
     shapes: [Shape; 2],
@@ -131,17 +131,17 @@ pub(super) struct Pair {
 }
 
 impl Pair {
-    /// Two of the same.
+    /// Two equal solids.
     fn of(solid: &Solid) -> Self {
         Self::with(&solid.text(), ["solid", "solid"])
     }
 
-    /// Of different ones.
+    /// Two different solids.
     pub(super) fn of_two(one: &Solid, other: &Solid) -> Self {
         Self::with(&(one.text_as("one") + &other.text_as("other")), ["one", "other"])
     }
 
-    /// Of these `[[shape]]` tables, with these names.
+    /// Two solids of these `[[shape]]` tables, with these names.
     pub(super) fn with(shapes: &str, names: [&'static str; 2]) -> Self {
         let material = "[[material]]\nname = \"m\"\ndensity = 1.0\nnormal_stiffness = 1e3\n";
         let text = material.to_owned() + shapes;
@@ -161,7 +161,7 @@ impl Pair {
         Self { names, shapes, text: setup.text }
     }
 
-    /// They fly at each other, turning; `None` if they miss.
+    /// Lets them collide with rotation; `None` if they miss.
     fn collide(&self, share: f64, random: &mut Random) -> Option<Change> {
         let turns = [random.rotation(), random.rotation()];
         let frames = turns.map(|turn| turn.to_rotation_matrix().into_inner());
@@ -199,7 +199,7 @@ impl Pair {
         })
     }
 
-    /// The largest changes of energy (relative), momentum and angular momentum in so many collisions.
+    /// Largest changes of energy (relative), momentum and angular momentum in `count` collisions.
     pub(super) fn changes(&self, count: usize, share: f64) -> [f64; 3] {
         let mut random = Random::of(17, 0);
         let mut changes = Vec::new();
@@ -256,7 +256,7 @@ fn rough(stiffness: f64, restitution: f64) -> String {
     rough_with(stiffness, restitution, FRICTION)
 }
 
-/// A material.
+/// Text of a material.
 pub(super) fn rough_with(stiffness: f64, restitution: f64, friction: f64) -> String {
     format!(
         "[[material]]\nname = \"m\"\ndensity = 1000.0\nnormal_stiffness = {stiffness:e}\ntangential_stiffness = {stiffness:e}\n\
@@ -264,7 +264,7 @@ pub(super) fn rough_with(stiffness: f64, restitution: f64, friction: f64) -> Str
     )
 }
 
-/// A solid with its lowest face on a floor that is tilted by this tangent.
+/// A solid with its lowest face on a floor with this slope.
 fn on_slope(solid: &Solid, tangent: f64, share: f64, restitution: f64) -> Simulation {
     let angle = tangent.atan();
     let height = -solid.corners.iter().map(|c| c.z).fold(0.0, f64::min) + solid.radius;
@@ -317,7 +317,7 @@ fn slopes(effort: Effort) -> [Case; 2] {
     [rests, slides]
 }
 
-/// A cube falls on its face, an edge and a corner, none of which turns it.
+/// A cube falls on a face, an edge and a corner, none of which makes it rotate.
 fn restitution(effort: Effort) -> Case {
     let mut case = Case::new(
         "closed form (Schwager and Poeschel 2007, 10.1007/s10035-007-0065-z)",
@@ -372,7 +372,7 @@ fn rocking_block() -> Case {
     let half_diagonal: f64 = 0.5 * f64::hypot(width, height);
     let critical = (width / height).atan();
     let start = 0.4 * critical;
-    // It stands on the edge at +x, turned about it.
+    // It stands on the edge at +x, rotated about it.
     let arm = Vec3::new(
         -half_diagonal * (critical - start).sin(),
         0.0,
@@ -402,7 +402,7 @@ fn rocking_block() -> Case {
     let quarter = (1.0 / (1.0 - start / critical)).acosh() / frequency;
     case.relative("quarter period", quarter, sim.time());
     let before = kinetic(&sim);
-    // Up to the highest point on the other side, where all of the energy is that of height.
+    // Up to the highest point on the other side, where all energy is potential.
     let floor = sim.particles.position[0].z;
     let mut top = floor;
     let end = 2.0 * sim.time();
@@ -445,7 +445,7 @@ pub(super) fn stack(count: u32) -> Simulation {
     begun(&at_share(&setup, 0.8), &mut Alone::default())
 }
 
-/// What has been brought to rest stays there when nothing damps it any more.
+/// Bodies brought to rest stay at rest without further damping.
 fn rest(effort: Effort) -> [Case; 2] {
     let mut moves = Case::new(
         ENERGY,

@@ -1,4 +1,4 @@
-//! Bodies on which nothing acts but gravity: closed forms, and an independent reference (2026-11).
+//! Bodies in free motion, with or without gravity: closed forms, and an independent reference (2026-11).
 
 use super::{Body, Case, Effort, Findings, Frame, Grain, Setup, parse_reference};
 use dem_mpi::math::{Quat, Vec3};
@@ -8,7 +8,7 @@ use serde_json::Value;
 const MECHANICS: &str = "closed form (Galilei, Euler; Goldstein ch. 5)";
 const REFERENCE: &str = "independent reference, Jacobi functions (dem_euler_top.json)";
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut cases = Vec::from(projectile());
     cases.extend(euler_top(effort));
@@ -70,18 +70,18 @@ fn numbers(value: &Value) -> Vec<f64> {
     list.iter().map(|x| x.as_f64().expect("a number")).collect()
 }
 
-/// A top of the reference: how it starts, and where it is at some time.
+/// A top of the reference: initial state, and states at later times.
 pub(crate) struct Top {
-    /// Its name there.
+    /// Name in the reference.
     pub(crate) name: String,
-    /// The body.
+    /// Scene of the body.
     pub(crate) setup: Setup,
     /// Time [s], angular velocity in body axes [rad/s], orientation.
     pub(crate) rows: Vec<(f64, Vec3, Quat)>,
 }
 
 impl Top {
-    /// Those of the reference.
+    /// All tops of the reference.
     pub(crate) fn all(dt: f64) -> Vec<Self> {
         let reference = parse_reference("dem_euler_top.json");
         let axes = numbers(&reference["semi_axes"]);
@@ -106,7 +106,7 @@ impl Top {
         reference["cases"].as_array().expect("cases").iter().map(of).collect()
     }
 
-    /// How far the body is from a row of the reference: the larger of the angle between orientations [rad] and the
+    /// Distance of the body from a row of the reference: the larger of the angle between orientations [rad] and the
     /// difference of angular velocities [rad/s].
     pub(crate) fn error(body: &Body, row: &(f64, Vec3, Quat)) -> f64 {
         let angle = body.orientation.angle_to(&row.2);
@@ -157,7 +157,7 @@ fn euler_top(effort: Effort) -> [Case; 3] {
     [follows, unstable, keeps]
 }
 
-/// The largest relative changes of rotational energy and angular momentum over a run.
+/// Largest relative changes of rotational energy and angular momentum in a run.
 fn changes(frames: &[Frame]) -> [f64; 2] {
     let (energy, momentum) =
         (frames[0].bodies[0].rotational(), frames[0].bodies[0].angular_momentum);
@@ -171,7 +171,7 @@ fn changes(frames: &[Frame]) -> [f64; 2] {
     ]
 }
 
-/// Long and flat bodies that spin for long, about all sorts of axes.
+/// Long and flat bodies that spin for a long time about various axes.
 fn long_spins(effort: Effort) -> [Case; 2] {
     let steps = effort.pick(20_000, 100_000);
     let mut energy = Case::new(
@@ -215,7 +215,7 @@ fn long_spins(effort: Effort) -> [Case; 2] {
     [energy, momentum]
 }
 
-/// Dzhanibekov's effect: a body that spins about its middle axis turns over again and again.
+/// Dzhanibekov's effect: a body that spins about its middle axis flips repeatedly.
 fn flips(effort: Effort) -> Case {
     let mut case = Case::new(
         MECHANICS,

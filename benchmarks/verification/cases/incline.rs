@@ -1,5 +1,5 @@
-//! Bodies on a plane: rolling and sliding as Coulomb says, a block, and an ellipsoid that rocks (independent
-//! reference of 2026-11).
+//! Bodies on a plane: rolling and sliding after Coulomb, a block, and an ellipsoid that rocks (independent reference
+//! of 2026-11).
 
 use super::{Ball, Case, Effort, Findings, Frame, Grain, Plane, Setup, parse_reference};
 use dem_mpi::math::{Quat, Vec3};
@@ -10,7 +10,7 @@ const COULOMB: &str = "closed form (Coulomb; Landau and Lifshitz 1)";
 const ROCKING: &str = "independent reference, closed form (dem_rocking.json)";
 const G: f64 = 9.81;
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut cases = vec![rolling(effort), critical_angle(effort)];
     cases.extend(block(effort));
@@ -18,7 +18,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases, ..Findings::default() }
 }
 
-/// Gravity on a floor that is tilted so [rad]: +x is down the slope.
+/// Gravity relative to a floor with this tilt [rad]: +x is down the slope.
 fn tilted(angle: f64) -> Vec3 {
     Vec3::new(G * angle.sin(), 0.0, -G * angle.cos())
 }
@@ -95,20 +95,20 @@ fn critical_angle(effort: Effort) -> Case {
     case
 }
 
-/// A block of 2 cm by 2 cm that stands on a floor.
+/// A block of 2 cm by 2 cm on a floor.
 struct Block {
-    /// Its height over its width.
+    /// Height over width.
     slender: f64,
     friction: f64,
     degrees: f64,
-    /// About the normal of the floor [rad/s].
+    /// Angular velocity about the normal of the floor [rad/s].
     spin: f64,
 }
 
 impl Block {
-    /// Half its width [m].
+    /// Half the width [m].
     const HALF: f64 = 0.01;
-    /// Normal [N/m].
+    /// Normal stiffness [N/m].
     const STIFFNESS: f64 = 1e6;
 
     fn run(&self, time: f64) -> Vec<Frame> {
@@ -122,7 +122,7 @@ impl Block {
             format!("[{:e}, {:e}, {:e}]", side(0, half), side(1, half), side(2, tall))
         };
         let corners: Vec<String> = (0..8).map(corner).collect();
-        // The program turns a polyhedron into its principal axes: none of a block's is another one's.
+        // The program rotates a polyhedron into its principal axes; those of a block are not exchanged.
         let setup = Setup {
             gravity: tilted(angle),
             text: format!(
@@ -157,7 +157,8 @@ fn block(effort: Effort) -> [Case; 4] {
         let moved = (last.bodies[0].position - half.bodies[0].position).norm();
         let what = format!("{degrees} degrees, friction {friction}");
         rests.absolute(format!("{what}: velocity"), 0.0, moved / (last.time - half.time));
-        // The weight's moment about the face tilts it elastically: a face of width L has the tilting stiffness k L²/4.
+        // The moment of the weight about the face tilts the block elastically: a face of width L has the tilting
+        // stiffness k L²/4.
         let weight = last.bodies[0].mass * G * f64::to_radians(degrees).sin();
         let tilt = weight * Block::HALF / (Block::STIFFNESS * Block::HALF * Block::HALF);
         rests.absolute(format!("{what}: turned"), tilt, last.bodies[0].orientation.angle());

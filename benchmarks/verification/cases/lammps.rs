@@ -1,5 +1,5 @@
-//! The analytic models that LAMMPS tests its granular styles against (`unittest/granular`, since 4Jul2026), with this
-//! program's springs. Formulas are theirs; balls and speeds are ours.
+//! Analytic models of the tests of LAMMPS' granular styles (`unittest/granular`, since 4Jul2026), with the springs of
+//! this program. The formulas are those of LAMMPS; balls and speeds are chosen here.
 
 use super::mfix::{Slip, Stack, apexes};
 use super::{Ball, Case, Effort, Findings, Throw, Ways};
@@ -8,7 +8,7 @@ use dem_mpi::math::Vec3;
 const SOURCE: &str = "LAMMPS unittest/granular (pull requests 5007, 5008, 5110, 5113)";
 const G: f64 = 9.81;
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut ways = Ways::new(SOURCE);
     let mut cases = vec![bounce_height(effort), stack_energy(effort)];
@@ -20,7 +20,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases, ..Findings::default() }
 }
 
-/// A glass bead, so stiff that its overlap is as nothing.
+/// A glass bead, so stiff that its overlap is negligible.
 fn bead() -> Ball {
     Ball {
         radius: 5e-3,
@@ -110,12 +110,13 @@ fn impacts(effort: Effort, ways: &mut Ways) -> [Case; 3] {
         1e-15,
         "nothing turns it: rounding of the moment of inertia",
     );
-    // A dashpot's force is there at touch, the tangential spring is first stretched: stiff, it is soon.
+    // The force of a dashpot acts at touch, but the tangential spring must first be stretched: a stiff one is
+    // stretched soon.
     let rough = |restitution| Ball { restitution, tangential: 1e10, ..bead() };
     for restitution in effort.pick(vec![0.6, 1.0], vec![0.4, 0.6, 0.8, 1.0]) {
         let ball = rough(restitution);
         let (mu, r) = (ball.friction, ball.radius);
-        // All beyond the critical angle, atan(7/2 mu (1+e)).
+        // All angles are beyond the critical angle, atan(7/2 mu (1+e)).
         for degrees in [67.0, 75.0, 85.0] {
             let throw = Throw::oblique(2.0, degrees, 400.0);
             let (v_x, v_z) = (throw.velocity.x, -throw.velocity.z);
@@ -134,7 +135,7 @@ fn impacts(effort: Effort, ways: &mut Ways) -> [Case; 3] {
         let what = format!("e = {restitution}");
         let found = ball.impact(&throw, ways, &format!("spin_impact, {what}"));
         let kick = mu * (1.0 + restitution) * v;
-        // Spinning about +y, its lowest point moves to -x: friction drives it to +x.
+        // With spin about +y the lowest point moves to -x: friction drives the ball to +x.
         spin.relative(format!("{what}: velocity"), kick, found.velocity.x);
         spin.relative(format!("{what}: spin"), omega - 2.5 * kick / r, found.spin.y);
         // Without friction spheres keep no spin; an ellipsoid of equal axes does.
@@ -144,7 +145,7 @@ fn impacts(effort: Effort, ways: &mut Ways) -> [Case; 3] {
     [oblique, spin, none]
 }
 
-/// The spin after an impact without friction of a ball that is said to be an ellipsoid.
+/// Spin after an impact without friction of a ball that is defined as an ellipsoid.
 fn spinning_ellipsoid(restitution: f64, omega: f64) -> f64 {
     let ball = Ball { restitution, friction: 0.0, ..bead() };
     let dt = ball.contact_time() / 400.0;
@@ -158,7 +159,8 @@ fn spinning_ellipsoid(restitution: f64, omega: f64) -> f64 {
     end.bodies[0].spin.y
 }
 
-/// A grazing impact with much friction, which in LAMMPS had gained up to 34 % of energy at a wall (pull request 5007).
+/// A grazing impact with strong friction, in which LAMMPS had gained up to 34 % of energy at a wall (pull request
+/// 5007).
 fn energy_guard(effort: Effort, ways: &mut Ways) -> Case {
     let mut case = Case::new(
         SOURCE,

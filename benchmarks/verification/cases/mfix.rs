@@ -1,6 +1,6 @@
 //! MFIX, DEM01 to DEM05: Garg, Galvin, Li, Pannala 2012, DOI 10.1016/j.powtec.2011.09.019, and the tests of its code
-//! (`tests/dem`). All have linear springs. DEM05 has the experiment of Kharaz, Gorham, Salman 2001, DOI
-//! 10.1016/S0032-5910(01)00283-2, beside it.
+//! (`tests/dem`). All have linear springs. DEM05 is also compared with the experiment of Kharaz, Gorham, Salman 2001,
+//! DOI 10.1016/S0032-5910(01)00283-2.
 
 use super::{
     Ball, Case, Curve, Effort, Findings, Frame, Grain, Picture, Plane, Setup, Throw, Ways,
@@ -12,7 +12,7 @@ const SOURCE: &str = "MFIX (Garg et al. 2012, 10.1016/j.powtec.2011.09.019)";
 const KHARAZ: &str = "Kharaz et al. 2001, 10.1016/S0032-5910(01)00283-2";
 const G: f64 = 9.81;
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut findings = Findings::default();
     let mut ways = Ways::new(SOURCE);
@@ -25,8 +25,8 @@ pub(crate) fn run(effort: Effort) -> Findings {
     findings
 }
 
-/// A ball that falls on a floor, as the exact solution has it: free fall, damped oscillation about its static
-/// overlap, free flight, and so on.
+/// Exact solution of a ball that falls on a floor: free fall, damped oscillation about its static overlap, free
+/// flight, and so on.
 pub(crate) struct Fall {
     radius: f64,
     /// Undamped and damped angular frequency [rad/s].
@@ -34,7 +34,7 @@ pub(crate) struct Fall {
     damping_ratio: f64,
 }
 
-/// When and how a phase of the motion begins: time [s], height of the centre over that at touch [m], velocity [m/s].
+/// Beginning of a phase of the motion: time [s], height of the centre above that at touch [m], velocity [m/s].
 #[derive(Clone, Copy)]
 struct Begin {
     time: f64,
@@ -43,21 +43,21 @@ struct Begin {
 }
 
 impl Fall {
-    /// Of this ball.
+    /// Solution for this ball.
     pub(crate) fn new(ball: &Ball) -> Self {
         let (omega, z) = ((ball.normal / ball.mass()).sqrt(), ball.damping_ratio());
         let omega = [omega, omega * (1.0 - z * z).sqrt()];
         Self { radius: ball.radius, omega, damping_ratio: z }
     }
 
-    /// While it flies.
+    /// State in flight.
     fn flight(from: Begin, time: f64) -> Begin {
         let t = time - from.time;
         let height = from.height + from.velocity * t - 0.5 * G * t * t;
         Begin { time, height, velocity: from.velocity - G * t }
     }
 
-    /// While it touches.
+    /// State in contact.
     fn contact(&self, from: Begin, time: f64) -> Begin {
         let [omega, damped] = self.omega;
         let t = time - from.time;
@@ -72,7 +72,7 @@ impl Fall {
         Begin { time, height: rest + shrink * swing, velocity }
     }
 
-    /// The beginnings of the phases, flight and contact in turn, of a fall from this height of the centre [m].
+    /// Beginnings of the phases, flight and contact in turn, of a fall from this height of the centre [m].
     fn phases(&self, z0: f64, contacts: usize) -> Vec<Begin> {
         let mut all = vec![Begin { time: 0.0, height: z0 - self.radius, velocity: 0.0 }];
         for _ in 0..contacts {
@@ -80,7 +80,7 @@ impl Fall {
             let down = (from.velocity * from.velocity + 2.0 * G * from.height).sqrt();
             let touch = Self::flight(from, from.time + (from.velocity + down) / G);
             all.push(Begin { height: 0.0, ..touch });
-            // It leaves between half and twice the time without gravity.
+            // The contact ends between half and twice the time without gravity.
             let touch = all[all.len() - 1];
             let half = std::f64::consts::PI / self.omega[1];
             let (mut low, mut high) = (touch.time + 0.5 * half, touch.time + 2.0 * half);
@@ -105,14 +105,14 @@ impl Fall {
         self.radius + now.height
     }
 
-    /// The height of the centre at the top of each flight after the first [m].
+    /// Height of the centre at the top of each flight after the first [m].
     fn apexes(&self, phases: &[Begin]) -> Vec<f64> {
         let flights = phases.iter().step_by(2).skip(1);
         flights.map(|from| self.radius + from.height + 0.5 * from.velocity.powi(2) / G).collect()
     }
 }
 
-/// MFIX' ball of 0.2 m.
+/// MFIX' ball of 0.2 m diameter.
 fn large_ball(normal: f64, restitution: f64) -> Ball {
     let (radius, density) = (0.1, 2600.0);
     Ball { radius, density, normal, tangential: normal, friction: 0.0, restitution, pulls: true }
@@ -189,7 +189,7 @@ fn falling(effort: Effort, findings: &mut Findings) {
     });
 }
 
-/// The heights of the centre at the tops of the flights between contacts [m], from the energy in flight.
+/// Heights of the centre at the tops of the flights between contacts [m], from the energy in flight.
 pub(crate) fn apexes(setup: &Setup, time: f64) -> Vec<f64> {
     let g = setup.gravity.norm();
     let mut tops = Vec::new();
@@ -256,7 +256,7 @@ fn bouncing(effort: Effort, findings: &mut Findings) {
     findings.cases.extend([exact, hard, stiff]);
 }
 
-/// Two balls of 1 mm, one on the other, pressed between floor and lid: DEM03.
+/// Two balls of 1 mm diameter, one on the other, pressed between floor and lid: DEM03.
 pub(crate) struct Stack {
     ball: Ball,
     densities: [f64; 2],
@@ -266,7 +266,7 @@ pub(crate) struct Stack {
 }
 
 impl Stack {
-    /// With this restitution.
+    /// A stack with this restitution.
     pub(crate) fn new(restitution: f64, steps_per_contact: f64) -> Self {
         let ball = Ball {
             radius: 5e-4,
@@ -285,7 +285,7 @@ impl Stack {
         self.densities.map(|density| self.ball.mass() * density / self.ball.density)
     }
 
-    /// As a scene.
+    /// The stack as a scene.
     pub(crate) fn setup(&self) -> Setup {
         let Ball { radius, normal, restitution, .. } = self.ball;
         let [a, b] = self.densities;
@@ -317,7 +317,7 @@ impl Stack {
         let (k, r, z) = (self.ball.normal, self.ball.radius, self.ball.damping_ratio());
         let dashpot = |mass: f64| 2.0 * z * (mass * k).sqrt();
         let (c1, c12, c2) = (dashpot(m1), dashpot(m1 * m2 / (m1 + m2)), dashpot(m2));
-        // of y1, y2, v1, v2, 1
+        // Rows for y1, y2, v1, v2, 1.
         let mut a = SMatrix::<f64, 5, 5>::zeros();
         (a[(0, 2)], a[(1, 3)]) = (1.0, 1.0);
         let rows = [
@@ -359,7 +359,8 @@ fn stacked(effort: Effort, ways: &mut Ways) -> Case {
     );
     for restitution in effort.pick(vec![0.8, 1.0], vec![0.5, 0.6, 0.7, 0.8, 0.9, 1.0]) {
         let stack = Stack::new(restitution, 200.0);
-        // No longer: a column without friction buckles, from rounding in a turned frame (1e-5 after 4,000 steps).
+        // No longer time: a column without friction buckles, from rounding in a rotated frame (1e-5 after 4,000
+        // steps).
         let name = format!("DEM03, e = {restitution}");
         let frames = ways.run(&name, &stack.setup(), 1500, 4);
         let off = |frame: &Frame| {
@@ -375,16 +376,16 @@ fn stacked(effort: Effort, ways: &mut Ways) -> Case {
 
 /// A ball that slides on the floor until it rolls.
 pub(crate) struct Slip {
-    /// When the sliding ends [s].
+    /// Time at which the sliding ends [s].
     pub(crate) time: f64,
-    /// Velocity [m/s] then: the mean over many of the oscillations of the tangential spring that follow.
+    /// Velocity after sliding [m/s]: the mean over many of the following oscillations of the tangential spring.
     pub(crate) velocity: f64,
-    /// Radius times angular velocity [m/s], the same.
+    /// Radius times angular velocity after sliding [m/s], the same mean.
     pub(crate) roll: f64,
 }
 
 impl Slip {
-    /// Of this ball, with this velocity at first [m/s]. It rests on its static overlap.
+    /// Result for this ball with this initial velocity [m/s]. It rests on its static overlap.
     pub(crate) fn of(ball: &Ball, u0: f64, dt: f64) -> Self {
         let overlap = ball.mass() * G / ball.normal;
         let setup = ball.over_floor(-overlap, Vec3::x() * u0, Vec3::zeros(), dt);
@@ -395,7 +396,7 @@ impl Slip {
             body.velocity.x - body.spin.y * ball.radius
         };
         let end = frames.iter().position(|f| slip(f) <= 0.0).expect("it stops to slide");
-        // between two frames
+        // Interpolated between two frames.
         let (before, after) = (slip(&frames[end - 1]), slip(&frames[end]));
         let time = frames[end].time + dt * after / (before - after);
         let rolling: Vec<&Frame> = frames.iter().filter(|f| f.time > 1.1 * expected).collect();
@@ -444,8 +445,8 @@ fn slipping(effort: Effort) -> [Case; 2] {
     [time, velocity]
 }
 
-/// Angle from the normal [degrees]; MFIX with linear springs: tangential velocity after over before, angular velocity
-/// [rad/s], angle of the centre's rebound [degrees].
+/// Angle from the normal [degrees]; results of MFIX with linear springs: ratio of the tangential velocities after and
+/// before, angular velocity [rad/s], angle of the centre's rebound [degrees].
 const DEM05: [[f64; 4]; 10] = [
     [2.5, 0.8469, 25.8, 2.117],
     [5.0, 0.7981, 68.2, 3.994],
@@ -459,7 +460,7 @@ const DEM05: [[f64; 4]; 10] = [
     [60.0, 0.8938, 358.0, 57.137],
 ];
 
-/// The experiment of Kharaz et al. (2001): angle [degrees], and tangential velocity after over before.
+/// Experiment of Kharaz et al. (2001): angle [degrees], and ratio of the tangential velocities after and before.
 pub(crate) const TANGENTIAL: [[f64; 2]; 7] = [
     [2.03, 0.794],
     [3.93, 0.745],
@@ -469,7 +470,7 @@ pub(crate) const TANGENTIAL: [[f64; 2]; 7] = [
     [49.5, 0.847],
     [59.8, 0.902],
 ];
-/// The same of the angular velocity [rad/s] and of the rebound [degrees].
+/// Angular velocity [rad/s] and rebound [degrees] in that experiment, by the angle [degrees].
 const SPIN: [[f64; 2]; 6] =
     [[6.0, 135.6], [11.0, 264.5], [21.2, 577.0], [31.1, 612.6], [50.2, 452.9], [60.2, 381.3]];
 const REBOUND: [[f64; 2]; 7] = [
@@ -482,7 +483,7 @@ const REBOUND: [[f64; 2]; 7] = [
     [60.1, 57.37],
 ];
 
-/// The ball of aluminium oxide, with springs that many times as stiff.
+/// The ball of aluminium oxide, with springs stiffer by this factor.
 pub(crate) fn oxide_ball(stiffer: f64) -> Ball {
     Ball {
         radius: 2.5e-3,
@@ -495,7 +496,7 @@ pub(crate) fn oxide_ball(stiffer: f64) -> Ball {
     }
 }
 
-/// Tangential velocity after over before, angular velocity [rad/s], angle of rebound [degrees].
+/// Ratio of the tangential velocities after and before, angular velocity [rad/s], angle of rebound [degrees].
 fn thrown(ball: &Ball, degrees: f64, ways: &mut Ways) -> [f64; 3] {
     let throw = Throw::oblique(3.9, degrees, 400.0);
     let rebound = ball.impact(&throw, ways, &format!("DEM05, {degrees} degrees"));
@@ -503,8 +504,8 @@ fn thrown(ball: &Ball, degrees: f64, ways: &mut Ways) -> [f64; 3] {
     [tangential, rebound.spin.y, (rebound.velocity.x / rebound.velocity.z).atan().to_degrees()]
 }
 
-/// The same by an integration of its own, in steps so fine that its order does not matter: a ball, two springs and a
-/// slider, with a lever arm that is shorter than the radius by this part of the overlap.
+/// Results of an independent integration, in steps so fine that its order does not matter: a ball, two springs and a
+/// slider. The lever arm is shorter than the radius by the part `shorter` of the overlap.
 pub(crate) fn integrate(ball: &Ball, degrees: f64, shorter: f64) -> [f64; 3] {
     let (mass, mu) = (ball.mass(), ball.friction);
     let inertia = 0.4 * mass * ball.radius * ball.radius;
@@ -527,7 +528,7 @@ pub(crate) fn integrate(ball: &Ball, degrees: f64, shorter: f64) -> [f64; 3] {
     [v_x / (3.9 * angle.sin()), spin, (v_x / -v_n).atan().to_degrees()]
 }
 
-/// The same of a ball that slides throughout a contact without overlap, exactly.
+/// Exact results of a ball that slides throughout a contact without overlap.
 fn slid(ball: &Ball, degrees: f64) -> [f64; 3] {
     let (mu, angle) = (ball.friction, degrees.to_radians());
     let tangential = 1.0 - 2.0 * mu / angle.tan();

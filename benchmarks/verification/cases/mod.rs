@@ -1,5 +1,5 @@
-//! Published cases and closed forms, each with the published and the own number. The command `verification` runs all
-//! of them, the tests run the short ones.
+//! Published cases and closed forms, each with the published number and that of this program. The command
+//! `verification` runs all of them; the tests run the short ones.
 //!
 //! To add a source, write a file with a function `run(effort) -> Findings` and name it in [`sources`].
 
@@ -32,7 +32,7 @@ pub(crate) use ball::{Ball, Throw};
 pub(crate) use setup::{Body, Frame, Grain, Plane, Setup, least_squares};
 pub(crate) use ways::Ways;
 
-/// How much is run.
+/// Extent of the verification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Effort {
     /// For the tests: seconds.
@@ -42,7 +42,7 @@ pub(crate) enum Effort {
 }
 
 impl Effort {
-    /// One of two.
+    /// Selects one of two values.
     pub(crate) fn pick<T>(self, quick: T, full: T) -> T {
         match self {
             Self::Quick => quick,
@@ -51,16 +51,16 @@ impl Effort {
     }
 }
 
-/// One comparison: a number that is known, and the program's.
+/// A comparison of a known number with that of the program.
 #[derive(Clone, Debug)]
 pub(crate) struct Row {
-    /// Which sub-case.
+    /// Name of the sub-case.
     pub(crate) what: String,
-    /// Published, or of the closed form.
+    /// Published number, or that of the closed form.
     pub(crate) published: f64,
-    /// Of this program.
+    /// Number of this program.
     pub(crate) own: f64,
-    /// By which their difference is divided.
+    /// Scale of the difference.
     pub(crate) scale: f64,
 }
 
@@ -72,40 +72,40 @@ impl Row {
     }
 }
 
-/// A case and all its sub-cases.
+/// A case with all its sub-cases.
 #[derive(Clone, Debug)]
 pub(crate) struct Case {
     /// Paper, or test of a code.
     pub(crate) source: &'static str,
-    /// What moves.
+    /// Name of the simulated system.
     pub(crate) name: String,
-    /// What is compared, with its unit.
+    /// Compared quantity, with its unit.
     pub(crate) quantity: String,
-    /// The largest deviation that holds.
+    /// Largest accepted deviation.
     pub(crate) tolerance: f64,
-    /// Why it is not smaller.
+    /// Reason why the tolerance is not smaller.
     pub(crate) reason: String,
-    /// The sub-cases.
+    /// Sub-cases.
     pub(crate) rows: Vec<Row>,
-    /// Why the program cannot do it yet, if that is known.
+    /// Reason why the program cannot fulfil the case yet, if it is known.
     pub(crate) short_until: Option<&'static str>,
 }
 
-/// What came out of a case.
+/// Result of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
     /// Within the tolerance.
     Holds,
-    /// Outside of it, as is known.
+    /// Outside the tolerance, as is known.
     FallsShort,
-    /// Outside of it, and nobody knows why.
+    /// Outside the tolerance for an unknown reason.
     Fails,
-    /// Within it, though it is said to fall short: what is said is out of date.
+    /// Within the tolerance although it is marked as falling short: the mark is out of date.
     HoldsNow,
 }
 
 impl Verdict {
-    /// As tables have it.
+    /// Name in tables.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Holds => "holds",
@@ -115,14 +115,14 @@ impl Verdict {
         }
     }
 
-    /// Is it what was expected?
+    /// Whether the result is the expected one.
     pub(crate) fn is_expected(self) -> bool {
         matches!(self, Self::Holds | Self::FallsShort)
     }
 }
 
 impl Case {
-    /// Without sub-cases yet.
+    /// A case without sub-cases.
     pub(crate) fn new(
         source: &'static str,
         name: impl Into<String>,
@@ -162,7 +162,7 @@ impl Case {
         self.rows.iter().max_by(larger).expect("a case has sub-cases")
     }
 
-    /// Does the worst sub-case hold?
+    /// Compares the worst sub-case with the tolerance.
     pub(crate) fn verdict(&self) -> Verdict {
         let holds = self.worst().deviation() <= self.tolerance;
         match (holds, self.short_until) {
@@ -177,64 +177,64 @@ impl Case {
 /// A line of a picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Curve {
-    /// For the legend.
+    /// Name in the legend.
     pub(crate) name: String,
     /// x and y.
     pub(crate) points: Vec<(f64, f64)>,
 }
 
 impl Curve {
-    /// Of these points.
+    /// A line through these points.
     pub(crate) fn new(name: impl Into<String>, points: Vec<(f64, f64)>) -> Self {
         Self { name: name.into(), points }
     }
 }
 
-/// What is drawn of a source.
+/// Plot of a source.
 #[derive(Clone, Debug)]
 pub(crate) struct Picture {
-    /// Its file, without ending.
+    /// Name of the file, without ending.
     pub(crate) file: &'static str,
-    /// What x and y are.
+    /// Labels of x and y.
     pub(crate) axes: [&'static str; 2],
-    /// Are both axes logarithmic?
+    /// Whether both axes are logarithmic.
     pub(crate) is_logarithmic: bool,
-    /// The lines.
+    /// Lines of the plot.
     pub(crate) curves: Vec<Curve>,
 }
 
-/// Bodies as they lie, seen from the side.
+/// Picture of the bodies from the side.
 #[derive(Clone, Debug)]
 pub(crate) struct Drawing {
-    /// Its file, without ending.
+    /// Name of the file, without ending.
     pub(crate) file: &'static str,
-    /// What is seen.
+    /// Title of the picture.
     pub(crate) title: &'static str,
-    /// The file's text.
+    /// Text of the file.
     pub(crate) svg: String,
 }
 
-/// What a source gives.
+/// Results of a source.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Findings {
-    /// Its cases.
+    /// Cases of the source.
     pub(crate) cases: Vec<Case>,
-    /// What is drawn of it.
+    /// Plots of the source.
     pub(crate) pictures: Vec<Picture>,
-    /// What is seen of its bodies.
+    /// Pictures of the bodies.
     pub(crate) drawings: Vec<Drawing>,
-    /// What was left out, and why.
+    /// Omitted parts, with the reasons.
     pub(crate) notes: Vec<String>,
 }
 
-/// A file of the independent reference of 2026-11, which the tests have, too.
+/// Content of a file of the independent reference of 2026-11, which the tests also use.
 pub(crate) fn parse_reference(name: &str) -> serde_json::Value {
     let path = format!("{}/tests/reference/{name}", env!("CARGO_MANIFEST_DIR"));
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// A source: its name, and what runs its cases.
+/// A source: its name, and the function that runs its cases.
 pub(crate) type Source = (&'static str, fn(Effort) -> Findings);
 
 /// All sources, in the order of the table.

@@ -1,4 +1,4 @@
-//! Walls that turn, and walls of triangles, against closed forms: a ball on a turntable, a ball held by two tables that turn
+//! Rotating walls and walls of triangles against closed forms: a ball on a turntable, a ball held by two tables that rotate
 //! together, a ball in a cylinder.
 
 use super::{Ball, Case, Effort, Findings, Frame, Grain, Setup, least_squares};
@@ -18,13 +18,13 @@ const BALL: Ball = Ball {
     pulls: true,
 };
 
-/// All cases.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let cases = vec![turntable(effort), held(effort), cylinder(effort)];
     Findings { cases, ..Findings::default() }
 }
 
-/// A plane that turns about z.
+/// A plane that rotates about z.
 fn table(name: &str, height: f64, up: f64, rate: f64) -> String {
     format!(
         "[[wall]]\nname = \"{name}\"\npoint = [0, 0, {height:e}]\nnormal = [0, 0, {up}]\nmaterial = \"m\"\n\
@@ -32,8 +32,9 @@ fn table(name: &str, height: f64, up: f64, rate: f64) -> String {
     )
 }
 
-/// A ball that rolls on a turntable runs in a circle, two sevenths as fast as the table, wherever it began (Weltner 1979,
-/// American Journal of Physics 47, 984): `I / (I + m a²)`, `a` being how high its centre is over the middle of the overlap.
+/// A ball that rolls on a turntable moves in a circle at two sevenths of the table's rate, from any initial state (Weltner
+/// 1979, American Journal of Physics 47, 984): `I / (I + m a²)`, with `a` the height of its centre above the middle of the
+/// overlap.
 fn turntable(effort: Effort) -> Case {
     let mut case = Case::new(
         "closed form",
@@ -75,8 +76,8 @@ fn turntable(effort: Effort) -> Case {
     case
 }
 
-/// A ball held between two tables that turn together goes round with them: friction holds it to its way, and nothing pulls it
-/// along. A spring that did not turn with its wall would.
+/// A ball held between two tables that rotate together moves with them. Friction provides the force towards the axis, and
+/// there is no force along the path. A spring that did not rotate with its wall would exert one.
 fn held(effort: Effort) -> Case {
     let mut case = Case::new(
         "closed form",
@@ -89,7 +90,7 @@ fn held(effort: Effort) -> Case {
     let dt = effort.pick(1e-5, 2e-6);
     let spread = BALL.radius - gap;
     let text = BALL.text().replace("restitution", "tangential_damping_ratio = 0.2\nrestitution");
-    // Of both springs.
+    // Elongation with both springs acting.
     let hold = BALL.mass() * rate * rate / (2.0 * BALL.tangential);
     let setup = Setup {
         gravity: Vec3::zeros(),
@@ -118,7 +119,7 @@ fn held(effort: Effort) -> Case {
     case
 }
 
-/// A ball that swings in a cylinder of triangles, with friction and without.
+/// A ball that oscillates in a cylinder of triangles, with and without friction.
 fn cylinder(effort: Effort) -> Case {
     let strips = effort.pick(1152, 2304);
     let mut case = Case::new(
@@ -164,7 +165,7 @@ fn cylinder(effort: Effort) -> Case {
     case
 }
 
-/// A cylinder about y as OBJ, as wide as the circle by the area of its section.
+/// A cylinder about y as OBJ; its section has the area of the circle.
 fn cylinder_of(strips: u32, radius: f64) -> String {
     let turn = TAU / f64::from(strips);
     let wide = radius * (turn / turn.sin()).sqrt();

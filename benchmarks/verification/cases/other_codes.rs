@@ -1,4 +1,4 @@
-//! Other codes on the same state.
+//! Results of other codes on the same state.
 //!
 //! To add a code, write a function that gives a [`Case`], and name it in [`CODES`].
 
@@ -8,16 +8,16 @@ use dem_mpi::comm::alone::Alone;
 use dem_mpi::scene::Scene;
 use std::path::Path;
 
-/// What was run elsewhere on a state that this program can begin with, too.
+/// Cases of states that other codes have run, and that this program can also begin with.
 const CODES: [fn(Effort) -> Vec<Case>; 1] = [contacts_of_settled_ellipsoids];
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let cases = CODES.iter().flat_map(|code| code(effort)).collect();
     Findings { cases, ..Findings::default() }
 }
 
-/// The restitution [-] of which the program makes this damping ratio, if dashpots may pull.
+/// Restitution [-] from which the program computes this damping ratio, if dashpots may pull.
 fn restitution(damping_ratio: f64) -> f64 {
     (-std::f64::consts::PI * damping_ratio / (1.0 - damping_ratio * damping_ratio).sqrt()).exp()
 }
@@ -28,7 +28,7 @@ fn contacts_of_settled_ellipsoids(_: Effort) -> Vec<Case> {
     let (stiffness, normal, tangential) = (1.5e5, 12.0, 6.0);
     let [a, b] = [2.381_101_577_952_299_4e-3, 1.190_550_788_976_149_7e-3];
     let mass = 265_000.0 * 4.0 / 3.0 * std::f64::consts::PI * a * b * b;
-    // Two grains have half of the mass, a grain and a wall all of it.
+    // The reduced mass of two particles is half of a mass, that of a particle and a wall the whole.
     let material = |reduced: f64| {
         let critical = 2.0 * (reduced * stiffness).sqrt();
         format!(
@@ -100,7 +100,7 @@ directory = "out"
     vec![case]
 }
 
-/// Contacts among grains after so many steps; if `kicked`, the first half kick counts twice.
+/// Contacts between particles after this number of steps; if `kicked`, the first half kick counts twice.
 fn contacts_after(scene: &Scene, steps: u32, kicked: bool) -> f64 {
     let mut sim = begun(scene, &mut Alone::default());
     if kicked {

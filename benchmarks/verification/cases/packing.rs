@@ -1,4 +1,4 @@
-//! Many spheres: Haff's law of cooling, and jamming without friction.
+//! Many spheres: Haff's law of cooling, and frictionless jamming.
 
 use super::setup::{begun, parse};
 use super::{Case, Curve, Effort, Findings, Picture, least_squares};
@@ -13,7 +13,7 @@ const HAFF: &str =
     "Haff 1983, 10.1017/S0022112083003419; rate of van Noije and Ernst 1998, 10.1007/s100350050009";
 const JAMMING: &str = "O'Hern et al. 2003, 10.1103/PhysRevE.68.011306";
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut findings = Findings::default();
     cooling(effort, &mut findings);
@@ -21,13 +21,13 @@ pub(crate) fn run(effort: Effort) -> Findings {
     findings
 }
 
-/// A box that repeats in all directions, with these spheres.
+/// A box that repeats in all directions, with its spheres.
 struct Crowd {
     side: f64,
     radius: f64,
-    /// TOML of the scene, `global_damping` and the like.
+    /// Further TOML of the scene, such as `global_damping`.
     scene: String,
-    /// TOML of the only material, but for its name.
+    /// TOML of the only material, without its name.
     material: String,
     dt: f64,
     positions: Vec<Vec3>,
@@ -68,7 +68,7 @@ directory = "out"
     }
 }
 
-/// A number of the normal distribution: twelve even ones.
+/// A number of the normal distribution: the sum of twelve uniform ones.
 fn normal(random: &mut Random) -> f64 {
     (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
 }
@@ -78,7 +78,7 @@ fn temperature(velocities: &[Vec3]) -> f64 {
     velocities.iter().map(Vec3::norm_squared).sum::<f64>() / (3.0 * velocities.len() as f64)
 }
 
-/// Velocities of a gas [m/s]: nothing moves as a whole, and the temperature is 1 m²/s².
+/// Velocities of a gas [m/s], without total momentum, at a temperature of 1 m²/s².
 fn velocities(count: i32) -> Vec<Vec3> {
     let mut random = Random::of(7, 0);
     let mut velocities: Vec<Vec3> =
@@ -106,7 +106,7 @@ fn cooling(effort: Effort, findings: &mut Findings) {
         let cell = [k % per_side, k / per_side % per_side, k / per_side / per_side];
         Vec3::from(cell.map(|n| (f64::from(n) + 0.5) * spacing))
     };
-    // A contact takes 60 µs: a fiftieth of the time between two.
+    // A contact takes 60 µs: a fiftieth of the time between two contacts.
     let stiffness = 0.5 * density * volume * (PI / 6e-5f64).powi(2);
     let crowd = Crowd {
         side,
@@ -133,7 +133,7 @@ fn cooling(effort: Effort, findings: &mut Findings) {
     let n = solid / volume;
     let rate = 4.0 / 3.0 * n * d * d * g0 * PI.sqrt() * (1.0 - e * e);
     let published = 2.0 / rate;
-    // The lattice melts first: a few collisions of each.
+    // The lattice melts first: a few collisions of each sphere.
     let (melted, end) = (0.2 * published, effort.pick(2.5, 5.0) * published);
     let mut points = Vec::new();
     loop {
@@ -171,7 +171,7 @@ fn cooling(effort: Effort, findings: &mut Findings) {
     });
 }
 
-/// Spheres without friction that grow from random places, and shrink again until they no longer press.
+/// Frictionless spheres that grow from random places, and shrink again until the pressure vanishes.
 fn jamming(effort: Effort, findings: &mut Findings) {
     let (count, side) = (effort.pick(300, 500), 1.0);
     let mut fraction = Case::new(
@@ -215,7 +215,7 @@ fn jamming(effort: Effort, findings: &mut Findings) {
         let mut points = Vec::new();
         let mut coordinations = Vec::new();
         let mut solid = 0.66;
-        // Towards the point where nothing presses, each time half of the way that is left.
+        // Towards the point of zero pressure, each time half of the remaining distance.
         for _ in 0..effort.pick(5, 6) {
             packing = relaxed(&crowd(solid, 0.1, packing.positions), effort.pick(5000, 10_000));
             if packing.pressure < 1e-9 {
@@ -239,7 +239,7 @@ fn jamming(effort: Effort, findings: &mut Findings) {
     });
 }
 
-/// Random places in a periodic box that are so far apart [m] at least, one after the other.
+/// Random places in a periodic box, chosen one after the other with at least this distance [m].
 pub(super) fn apart(count: usize, side: f64, distance: f64, random: &mut Random) -> Vec<Vec3> {
     let mut places: Vec<Vec3> = Vec::new();
     while places.len() < count {
@@ -255,7 +255,7 @@ pub(super) fn apart(count: usize, side: f64, distance: f64, random: &mut Random)
     places
 }
 
-/// Where the line through the last two points is zero.
+/// Zero of the line through the last two points.
 pub(super) fn vanishing(points: &[(f64, f64)]) -> Option<f64> {
     let [(a, p), (b, q)] = points.last_chunk::<2>()?;
     Some(b - q * (a - b) / (p - q))
@@ -264,9 +264,9 @@ pub(super) fn vanishing(points: &[(f64, f64)]) -> Option<f64> {
 /// A packing at rest.
 struct Relaxed {
     positions: Vec<Vec3>,
-    /// A third of the sum of force times distance over the volume.
+    /// A third of the sum of force times branch over the volume.
     pressure: f64,
-    /// Mean number of contacts of those that have four at least, among themselves.
+    /// Mean number of contacts of the spheres that have at least four, among themselves.
     coordination: f64,
 }
 

@@ -1,5 +1,5 @@
-//! A few grains and planes as a user would write them: a scene's text and a file of particles, run through the
-//! program's library.
+//! Scenes of a few particles and planes as a user would write them: a text and a file of particles, run through the program's
+//! library.
 
 pub(crate) use benchmarking::grains::Grain;
 
@@ -17,11 +17,11 @@ use std::fmt::Write;
 /// A plane wall at rest.
 #[derive(Clone, Debug)]
 pub(crate) struct Plane {
-    /// A point of it [m].
+    /// A point of the wall [m].
     pub(crate) point: Vec3,
-    /// Towards the grains.
+    /// Normal towards the particles.
     pub(crate) normal: Vec3,
-    /// Name of its material.
+    /// Name of the material.
     pub(crate) material: &'static str,
 }
 
@@ -32,39 +32,39 @@ impl Plane {
     }
 }
 
-/// A scene of a few grains.
+/// A scene of a few particles.
 #[derive(Clone, Debug)]
 pub(crate) struct Setup {
     /// Gravity [m/s²].
     pub(crate) gravity: Vec3,
-    /// The scene's `[[material]]`, `[[interaction]]`, `[[shape]]` and `[law]`, as TOML.
+    /// Tables `[[material]]`, `[[interaction]]`, `[[shape]]` and `[law]` of the scene, as TOML.
     pub(crate) text: String,
     /// Walls.
     pub(crate) planes: Vec<Plane>,
-    /// Grains, in the order of their ids.
+    /// Particles, in the order of their ids.
     pub(crate) grains: Vec<Grain>,
     /// Time step [s].
     pub(crate) dt: f64,
 }
 
-/// A grain at some time.
+/// State of a particle at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Body {
     /// Centre [m].
     pub(crate) position: Vec3,
     /// Velocity [m/s].
     pub(crate) velocity: Vec3,
-    /// Body to world.
+    /// Orientation, body to world.
     pub(crate) orientation: Quat,
     /// Angular velocity, world axes [rad/s].
     pub(crate) spin: Vec3,
     /// Angular momentum, world axes [kg m²/s].
     pub(crate) angular_momentum: Vec3,
-    /// How many contacts it has.
+    /// Number of contacts.
     pub(crate) contacts: usize,
     /// Mass [kg].
     pub(crate) mass: f64,
-    /// Which rank owned it.
+    /// Rank that owned it.
     pub(crate) rank: u32,
 }
 
@@ -80,12 +80,12 @@ impl Body {
     }
 }
 
-/// All grains at some time.
+/// States of all particles at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Frame {
-    /// Since the start [s].
+    /// Time since the start [s].
     pub(crate) time: f64,
-    /// In the order of the setup's grains.
+    /// States, in the order of the setup's particles.
     pub(crate) bodies: Vec<Body>,
 }
 
@@ -95,19 +95,19 @@ impl Frame {
         self.bodies.iter().map(Body::kinetic).sum()
     }
 
-    /// Does anything touch?
+    /// Whether any particles touch.
     pub(crate) fn is_touching(&self) -> bool {
         self.bodies.iter().any(|body| body.contacts > 0)
     }
 }
 
-/// The domain's half width [m].
+/// Half width of the domain [m].
 const WIDE: f64 = 1e3;
 
 impl Setup {
-    /// The scene, and the text of its particle file. For several ranks, the cut of two stands across the axis along
-    /// which the grains are farthest apart, between them; a single grain crosses it soon. It stays there, and lists
-    /// are made in every step.
+    /// Text of the scene, and of its particle file. For several ranks, the domain is divided in two across the axis along
+    /// which the particles are farthest apart, between them; a single particle crosses the boundary soon. The boundary stays
+    /// there, and lists are made in every step.
     fn write(&self, ranks: u32) -> (String, String) {
         let soon = |grain: &Grain| grain.position + grain.velocity * (20.5 * self.dt);
         let middle = self.grains.iter().map(soon).sum::<Vec3>() / self.grains.len() as f64;
@@ -137,24 +137,24 @@ impl Setup {
         (scene, csv(&self.grains))
     }
 
-    /// The checked scene, for so many ranks.
+    /// The checked scene, for this number of ranks.
     pub(crate) fn scene(&self, ranks: u32) -> Scene {
         let (text, grains) = self.write(ranks);
         parse(&text, &grains)
     }
 
-    /// The same for one rank, with more keys at the top of the scene.
+    /// The scene for one rank, with more keys at its top.
     pub(crate) fn scene_with(&self, keys: &str) -> Scene {
         let (text, grains) = self.write(1);
         parse(&format!("{keys}\n{text}"), &grains)
     }
 
-    /// So many steps on one rank: a frame at the start, after each `every` steps, and at the end.
+    /// Runs `steps` steps on one rank. Returns a frame at the start, after each `every` steps, and at the end.
     pub(crate) fn run(&self, steps: u64, every: u64) -> Vec<Frame> {
         run(&self.scene(1), steps, every)
     }
 
-    /// The same, until the program stops with an error, and that.
+    /// Runs like `run` until the program stops with an error, which is returned as well.
     pub(crate) fn run_until_error(
         &self,
         steps: u64,
@@ -165,7 +165,7 @@ impl Setup {
         (parts.into_iter().map(in_order).collect(), error)
     }
 
-    /// The same on several ranks.
+    /// Runs like `run` on several ranks.
     pub(crate) fn run_on(&self, ranks: u32, steps: u64, every: u64) -> Vec<Frame> {
         let scene = self.scene(ranks);
         let parts = threads::run(ranks, |comm| follow(&scene, comm, steps, every));
@@ -179,14 +179,14 @@ impl Setup {
         frames.into_iter().map(in_order).collect()
     }
 
-    /// How it is after so long [s], in the nearest number of steps.
+    /// State after a time [s], in the nearest number of steps.
     pub(crate) fn after(&self, time: f64) -> Frame {
         let steps = (time / self.dt).round() as u64;
         self.run(steps, steps.max(1)).pop().expect("a last frame")
     }
 }
 
-/// A scene of this text and these particles, `grains.csv`.
+/// A scene of this text and these particles, in `grains.csv`.
 pub(crate) fn parse(text: &str, grains: &str) -> Scene {
     let folder = tempfile::tempdir().expect("a folder for the particles");
     std::fs::write(folder.path().join("grains.csv"), grains).expect("the file of particles");
@@ -194,9 +194,9 @@ pub(crate) fn parse(text: &str, grains: &str) -> Scene {
         .unwrap_or_else(|errors| panic!("{errors}\n{text}"))
 }
 
-/// A scene of bodies that fall into a box with walls and a floor, in layers of `side` by `side`, `high` of them, so far apart
-/// [m], at rest and turned at random. `tables` has their material, and their shape under the name `shape`. Its step is far
-/// below the limit.
+/// A scene of bodies that fall into a box with walls and a floor. They begin at rest in random orientations, in `high` layers
+/// of `side` by `side` with this spacing [m]. `tables` has their material, and their shape under the name `shape`. The step
+/// is far below the limit.
 pub(crate) fn poured(
     tables: &str,
     shape: &'static str,
@@ -218,13 +218,13 @@ pub(crate) fn poured(
     parse(&text, &csv(&grains.collect::<Vec<_>>()))
 }
 
-/// So many steps of a scene on one rank: a frame at the start, after each `every` steps, and at the end.
+/// Runs `steps` steps of a scene on one rank. Returns a frame at the start, after each `every` steps, and at the end.
 pub(crate) fn run(scene: &Scene, steps: u64, every: u64) -> Vec<Frame> {
     let frames = follow(scene, &mut Alone::default(), steps, every);
     frames.into_iter().map(in_order).collect()
 }
 
-/// Time, and the bodies that a rank owns, with their ids.
+/// Time, and the bodies of a rank with their ids.
 type Part = (f64, Vec<(u64, Body)>);
 
 fn in_order((time, mut bodies): Part) -> Frame {
@@ -274,7 +274,7 @@ fn part(sim: &Simulation, comm: &dyn Comm) -> Part {
     (sim.time(), bodies.collect())
 }
 
-/// The state of a particle: the one place that knows how the program keeps it.
+/// State of a particle: the only place that depends on the program's storage.
 pub(crate) fn body(sim: &Simulation, slot: usize, rank: u32) -> Body {
     let particles = &sim.particles;
     let angular_momentum = particles.angular_momentum(slot);
@@ -292,7 +292,7 @@ pub(crate) fn body(sim: &Simulation, slot: usize, rank: u32) -> Body {
     }
 }
 
-/// What is seen of the bodies from the side.
+/// Picture of the bodies from the side.
 pub(crate) fn seen(sim: &Simulation) -> Picture {
     let particles = &sim.particles;
     let contacts = sim.contacts.coordination(particles);
@@ -307,8 +307,7 @@ pub(crate) fn seen(sim: &Simulation) -> Picture {
     picture
 }
 
-/// The line through points that has the least squares: its value at 0, its slope, and the share of the variance
-/// that it explains.
+/// Least-squares line through points: its value at 0, its slope, and the share of the variance that it explains.
 pub(crate) fn least_squares(points: &[(f64, f64)]) -> (f64, f64, f64) {
     let n = points.len() as f64;
     let mean = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;

@@ -1,4 +1,4 @@
-//! Simple shear of spheres without walls: the pressure of a granular gas, and the yield of a dense packing.
+//! Simple shear of spheres without walls: pressure of a granular gas, and yield of a dense packing.
 
 use super::setup::{begun, parse};
 use super::{Case, Effort, Findings};
@@ -16,7 +16,7 @@ const DIAMETER: f64 = 1e-3;
 /// Density [kg/m³].
 const DENSITY: f64 = 2500.0;
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut cases = vec![gas(effort)];
     if effort == Effort::Full {
@@ -25,29 +25,29 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases, ..Findings::default() }
 }
 
-/// Spheres in a cell that is sheared.
+/// Spheres in a sheared cell.
 struct Flow {
-    /// Places of the spheres over the edge of the cell.
+    /// Positions of the spheres over the edge of the cell.
     places: Vec<[f64; 3]>,
     /// Volume of the spheres over that of the cell.
     fraction: f64,
-    /// Velocity over height [1/s].
+    /// Shear rate: velocity over height [1/s].
     rate: f64,
-    /// Velocities against the flow, of each component at most, over rate times diameter.
+    /// Largest component of the initial velocities relative to the flow, over rate times diameter.
     agitation: f64,
     stiffness: f64,
     friction: f64,
     restitution: f64,
     dt: f64,
-    /// Strain until a steady state, and until the end.
+    /// Strain until the steady state, and until the end.
     strains: [f64; 2],
 }
 
 /// Means of a steady flow, compression positive [Pa].
 struct Steady {
-    /// Mean of the normal stresses of the motion, and of all.
+    /// Pressure of the motion, and total pressure: means of the normal stresses.
     pressure: [f64; 2],
-    /// Shear stress of all.
+    /// Total shear stress.
     shear: f64,
 }
 
@@ -92,7 +92,8 @@ impl Flow {
     }
 }
 
-/// A cubic lattice of so many places along each edge, each at random by so much of their distance.
+/// A cubic lattice with `along` places along each edge, each displaced at random by at most `jitter` of the
+/// spacing.
 fn lattice(along: u32, first: f64, jitter: f64, random: &mut Random) -> Vec<[f64; 3]> {
     let mut places = Vec::new();
     for i in 0..along {
@@ -117,7 +118,7 @@ fn gas(effort: Effort) -> Case {
     );
     let (restitution, along) = (0.9, effort.pick(8, 11));
     for fraction in effort.pick(&[0.3][..], &[0.1, 0.2, 0.3, 0.4, 0.45]) {
-        // Of touching spheres the lattice takes 0.52.
+        // Touching spheres on the lattice fill 0.52.
         let room = 1.0 - (fraction * 6.0 / PI).cbrt();
         let flow = Flow {
             places: lattice(along, 0.5, 0.45 * room, &mut Random::of(3, u64::from(along))),
@@ -140,7 +141,7 @@ fn gas(effort: Effort) -> Case {
     case
 }
 
-/// Frictional spheres above the volume fraction at which they jam: shear stress over pressure of slow flow.
+/// Frictional spheres above the volume fraction of jamming: shear stress over pressure of slow flow.
 fn yielding() -> Case {
     let mut case = Case::new(
         CHIALVO,
@@ -149,7 +150,7 @@ fn yielding() -> Case {
         0.02,
         "1,024 spheres, one seed each, strain 2 to 5 at an inertial number of 1e-3; published are limits of no inertia, by fits",
     );
-    // Friction, volume fraction, published.
+    // Friction, volume fraction, published ratio.
     let published =
         [(0.1, 0.64, 0.268), (0.3, 0.62, 0.357), (0.5, 0.61, 0.382), (1.0, 0.61, 0.405)];
     for (friction, fraction, ratio) in published {

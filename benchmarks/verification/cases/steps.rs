@@ -1,9 +1,10 @@
-//! What the largest steps that a scene accepts do to smooth bodies: the balance of energy, collisions, rest on slopes; and
-//! whether warnings say where they do harm.
+//! Effect of the largest accepted steps on smooth bodies: energy balance, collisions, rest on slopes; and whether warnings
+//! are given where they do harm.
 //!
-//! The largest change of energy in 30 random collisions each of superellipsoids, semi-axes 0.5, 0.4, 0.3, at a tenth of the
-//! limit (at a fortieth), over both exponents. It falls with the square of the step where both are from 0.1 to 1.8, which a
-//! scene accepts, and beyond has no order: one point of contact jumps from edge to edge.
+//! The table lists the largest change of energy in 30 random collisions each of superellipsoids with semi-axes 0.5, 0.4,
+//! 0.3, over both exponents. The step is a tenth of the limit (in brackets: a fortieth). The change decreases with the
+//! square of the step where both exponents are from 0.1 to 1.8, the range that a scene accepts. Beyond it there is no
+//! order: one point of contact jumps from edge to edge.
 //!
 //! | e₁ \ e₂ | 0.02 | 0.1 | 0.3 | 1 | 1.8 | 2 |
 //! |---|---|---|---|---|---|---|
@@ -18,9 +19,9 @@
 //! | 1.9 | 4e-2 (3e-2) | 2e-4 (8e-6) | 6e-4 (3e-5) | 1e-3 (4e-4) | 3e-4 (5e-4) | 2e-1 (2e-1) |
 //! | 2 | 2e0 (2e0) | 2e0 (2e0) | 2e0 (2e0) | 1e-1 (9e-2) | 9e-1 (9e-1) | 8e-1 (8e-1) |
 //!
-//! Of e₁ = 1.8 with e₂ from 0.25 to 0.4 one in sixty changes by up to 4e-3 (7e-4): tips glance off each other. At the limit
-//! itself, with seven steps in a contact, accepted ones change by up to 5e-2, balls and ellipsoids by up to 4e-2. Discs,
-//! needles and octants have the same figures.
+//! For e₁ = 1.8 with e₂ from 0.25 to 0.4 one collision in sixty changes the energy by up to 4e-3 (7e-4): tips glance off
+//! each other. At the limit itself, with seven steps in a contact, accepted shapes change it by up to 5e-2, balls and
+//! ellipsoids by up to 4e-2. Discs, needles and octants have the same figures.
 
 use super::faces::{self, COULOMB, G, Pair, Solid, at_share, steps};
 use super::setup::{begun, poured};
@@ -34,7 +35,7 @@ use dem_mpi::scene::doubts::restless_sides;
 
 const ENERGY: &str = "conservation of energy";
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut cases = vec![balance(effort), named_step(effort)];
     cases.extend(collisions(effort));
@@ -42,7 +43,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases, ..Findings::default() }
 }
 
-/// A shape: its name, its table in a scene under the name "body", and how far apart such bodies stand at the start [m].
+/// A shape: its name, its table in a scene under the name "body", and the initial spacing of such bodies [m].
 struct Body {
     name: String,
     text: String,
@@ -76,7 +77,7 @@ fn boxes() -> Body {
     Body { name: name.to_owned(), text: faces::boxes().text_as("body"), spacing: 1.35 }
 }
 
-/// What a material dissipates with.
+/// Dissipation of a material.
 #[derive(Clone, Copy)]
 struct Losses {
     friction: f64,
@@ -87,7 +88,7 @@ struct Losses {
 const ROUGH: Losses = Losses { friction: 0.3, restitution: 0.3, tangential_damping: 0.1 };
 
 impl Losses {
-    /// As a scene has it.
+    /// Material in a scene.
     fn text(&self, stiffness: f64) -> String {
         let Self { friction, restitution, tangential_damping } = self;
         format!(
@@ -104,12 +105,12 @@ fn pouring(body: &Body, layers: u32, losses: Losses, seed: u64) -> Scene {
     poured(&tables, "body", body.spacing, [3, layers], &mut Random::of(seed, 3))
 }
 
-/// The scene's limit [s].
+/// Stable limit of the scene [s].
 fn limit(scene: &Scene) -> f64 {
     scene.time_step_limit().expect("something pushes").dt
 }
 
-/// What is measured after so long [s] in steps of `dt` [s].
+/// Measures after a time [s] in steps of `dt` [s].
 fn after(scene: &Scene, dt: f64, time: f64) -> Measures {
     let scene = Scene { dt, ..scene.clone() };
     let mut sim = begun(&scene, &mut Alone::default());
@@ -117,7 +118,8 @@ fn after(scene: &Scene, dt: f64, time: f64) -> Measures {
     sim.measure(&mut Alone::default())
 }
 
-/// Poured bodies at the limit: with the work of each force booked where it acted, little is missing.
+/// Poured bodies with steps at the limit: the energy error is small, because the work of each force is booked where it
+/// acts.
 fn balance(effort: Effort) -> Case {
     let mut case = Case::new(
         ENERGY,
@@ -146,8 +148,8 @@ fn balance(effort: Effort) -> Case {
     case
 }
 
-/// Springs that dissipate nothing show what the limit's few steps of a contact lose; the step that the warning names then
-/// misses about what it says.
+/// Elastic springs show the loss by the few steps of a contact at the limit. The step named by the warning then has about
+/// the energy error that it states.
 fn named_step(effort: Effort) -> Case {
     let mut case = Case::new(
         ENERGY,
@@ -220,7 +222,7 @@ fn collisions(effort: Effort) -> [Case; 2] {
     [at_tenth, at_fortieth]
 }
 
-/// Blunt bodies on slopes: what rocks because of the step is warned of, and what is not warned of stays where it is.
+/// Blunt bodies on slopes: shapes that rock because of the step have a warning, and shapes without a warning stay at rest.
 fn rest(effort: Effort) -> [Case; 2] {
     let mut rests = Case::new(
         COULOMB,

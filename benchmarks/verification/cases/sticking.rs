@@ -1,6 +1,6 @@
-//! Resistance to rolling and twisting (Ai, Chen, Rotter, Ooi 2011, DOI 10.1016/j.powtec.2010.09.030, type C), and adhesion after
+//! Resistance to rolling and twisting (Ai, Chen, Rotter, Ooi 2011, DOI 10.1016/j.powtec.2010.09.030, type C). Adhesion after
 //! Derjaguin, Muller and Toporov (1975, DOI 10.1016/0021-9797(75)90018-1) and after Johnson, Kendall and Roberts (1971, DOI
-//! 10.1098/rspa.1971.0141): closed forms of a ball on a plane and of two balls.
+//! 10.1098/rspa.1971.0141). All are closed forms of a ball on a plane and of two balls.
 
 use super::{Case, Effort, Findings, Grain, Plane, Setup, Ways};
 use dem_mpi::comm::alone::Alone;
@@ -12,7 +12,7 @@ const ROLLING: &str = "Ai et al. 2011, 10.1016/j.powtec.2010.09.030, type C";
 const DMT: &str = "Derjaguin, Muller, Toporov 1975, 10.1016/0021-9797(75)90018-1";
 const JKR: &str = "Johnson, Kendall, Roberts 1971, 10.1098/rspa.1971.0141";
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut ways = Ways::new("rolling, twisting, adhesion");
     let mut cases = rolling(effort, &mut ways);
@@ -23,11 +23,11 @@ pub(crate) fn run(effort: Effort) -> Findings {
     Findings { cases, ..Findings::default() }
 }
 
-/// Of the ball that rolls [m], [kg/m³], [m/s²].
+/// Radius [m] and density [kg/m³] of the rolling ball, and gravity [m/s²].
 const RADIUS: f64 = 0.01;
 const DENSITY: f64 = 2500.0;
 const GRAVITY: f64 = 9.81;
-/// [N/m]
+/// Normal stiffness [N/m].
 const STIFFNESS: f64 = 1e6;
 
 /// A ball on a floor, pressed in by its weight.
@@ -42,7 +42,8 @@ fn on_floor(own: &str, gravity: Vec3, [velocity, spin]: [Vec3; 2]) -> Setup {
     Setup { gravity, text, planes: vec![Plane::floor("m")], grains: vec![ball], dt: 5e-6 }
 }
 
-/// `a = -5/7 μ_r g`; it stops after `7 v² / (10 μ_r g)` and half of the way on which the spring is stretched, `δ / (2.25 μ_r)`.
+/// `a = -5/7 μ_r g`. The ball stops after `7 v² / (10 μ_r g)` and half of the distance on which the spring is stretched,
+/// `δ / (2.25 μ_r)`.
 fn rolling(effort: Effort, ways: &mut Ways) -> Vec<Case> {
     let mut slowing = Case::new(
         ROLLING,
@@ -80,7 +81,7 @@ fn rolling(effort: Effort, ways: &mut Ways) -> Vec<Case> {
     vec![slowing, way]
 }
 
-/// It rests where `tan < μ_r`, and else rolls with `5/7 g (sin - μ_r cos)`.
+/// The ball rests where `tan < μ_r`, and otherwise rolls with `5/7 g (sin - μ_r cos)`.
 fn incline() -> Case {
     let mut case = Case::new(
         ROLLING,
@@ -128,7 +129,7 @@ fn twisting(effort: Effort) -> Case {
     case
 }
 
-/// Of the balls that stick: radii [m], work of adhesion [J/m²], `E*` of two of them [Pa].
+/// Radii of the sticking balls [m], their work of adhesion [J/m²], and `E*` of two of them [Pa].
 const RADII: [f64; 2] = [1e-4, 6e-5];
 const WORK: f64 = 0.1;
 const MODULUS: f64 = 0.5 * 1e8 / (1.0 - 0.09);
@@ -138,18 +139,18 @@ const MODULUS: f64 = 0.5 * 1e8 / (1.0 - 0.09);
 struct Blow {
     jkr: bool,
     with_floor: bool,
-    /// Energy of the relative motion over that which JKR takes.
+    /// Energy of the relative motion over the loss in JKR.
     energy: f64,
 }
 
-/// What is seen of it.
+/// Results of an impact.
 #[derive(Default)]
 struct Seen {
-    /// The largest pull [N].
+    /// Largest pull [N].
     pull: f64,
-    /// The last gap [m].
+    /// Last gap [m].
     gap: f64,
-    /// Kinetic energy less, and what is booked as lost, over that which JKR takes.
+    /// Lost kinetic energy and booked dissipation, over the loss in JKR.
     lost: f64,
     booked: f64,
 }
@@ -168,13 +169,13 @@ impl Blow {
         1.0 / self.masses().iter().map(|mass| 1.0 / mass).sum::<f64>()
     }
 
-    /// What JKR loses from the touch to the end [J]: `7.09 (w⁵ R*⁴/E*²)^(1/3)`.
+    /// Loss in JKR from the touch to the end [J]: `7.09 (w⁵ R*⁴/E*²)^(1/3)`.
     fn takes(self) -> f64 {
         let parts = 0.6 * (2.0 * PI).powf(2.0 / 3.0) + 0.4 * (PI / 8.0).powf(2.0 / 3.0);
         PI * parts * (WORK.powi(5) * self.reduced().powi(4) / MODULUS.powi(2)).cbrt()
     }
 
-    /// The gap at which JKR ends [m].
+    /// Gap at which a JKR contact ends [m].
     fn end(self) -> f64 {
         0.75 * (PI * PI * WORK * WORK * self.reduced() / (MODULUS * MODULUS)).cbrt()
     }
@@ -183,7 +184,7 @@ impl Blow {
         (2.0 * self.energy * self.takes() / self.reduced_mass()).sqrt()
     }
 
-    /// With so many steps over the gap at which JKR ends.
+    /// Setup with `steps` steps over the gap at which JKR ends.
     fn setup(self, steps: f64) -> Setup {
         let adhesion = if self.jkr { "jkr" } else { "dmt" };
         let text = format!(

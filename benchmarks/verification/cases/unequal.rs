@@ -1,4 +1,4 @@
-//! Boxes of unequal size: collisions, rest of one on the other, and a box that overhangs an edge.
+//! Boxes of unequal size: collisions, one at rest on the other, and a box that overhangs an edge.
 
 use super::faces::{ENERGY, G, Pair, Solid, at_share, cuboid, places, rough_with, step, steps};
 use super::setup::begun;
@@ -7,10 +7,10 @@ use dem_mpi::comm::alone::Alone;
 use dem_mpi::math::Vec3;
 use dem_mpi::sim::Simulation;
 
-/// Edges of the small boxes; that of the large one is 1 m.
+/// Edges of the small boxes [m]; that of the large one is 1 m.
 const EDGES: [f64; 2] = [0.5, 0.1];
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut cases = vec![rest(effort), overhang(effort)];
     if effort == Effort::Full {
@@ -43,7 +43,7 @@ fn collisions() -> Case {
     case
 }
 
-/// A small and a large cube, one on the other, the upper one off the middle by this much [m].
+/// A small and a large cube, one on the other, the upper one off the middle by `off` [m].
 fn on_top(edge: f64, small_is_on_top: bool, off: f64, stiffness: f64) -> Simulation {
     let (lower, upper) = if small_is_on_top { (1.0, edge) } else { (edge, 1.0) };
     let (below, above) = if small_is_on_top { ("one", "other") } else { ("other", "one") };
@@ -62,7 +62,7 @@ fn on_top(edge: f64, small_is_on_top: bool, off: f64, stiffness: f64) -> Simulat
     begun(&at_share(&setup, 0.8), &mut Alone::default())
 }
 
-/// How far the upper one sinks or turns aside [m] in this time, after two seconds with damping, or until it has moved that far.
+/// Displacement of the upper cube [m] in this time, or until it has moved by `far`. It follows two seconds with damping.
 fn moves(sim: &mut Simulation, time: f64, far: f64) -> f64 {
     sim.field.damping = 20.0;
     steps(sim, 2.0);
@@ -94,7 +94,7 @@ fn rest(effort: Effort) -> Case {
     case
 }
 
-/// A cube whose middle is this side of the edge stays, beyond it falls.
+/// A cube with its middle inside the edge stays; with its middle beyond the edge it falls.
 fn overhang(effort: Effort) -> Case {
     let mut case = Case::new(
         "closed form (statics)",
@@ -106,7 +106,7 @@ fn overhang(effort: Effort) -> Case {
     for &edge in effort.pick(&EDGES[..1], &EDGES) {
         for (small_is_on_top, what) in [(true, "small on large"), (false, "large on small")] {
             let (lower, upper) = if small_is_on_top { (1.0, edge) } else { (edge, 1.0) };
-            // On a small face a softer contact lets the large one lean out by more than that.
+            // On a small face, a softer contact would let the large cube lean out by more than that.
             let stiffness = if small_is_on_top { 1e8 } else { 1e9 };
             for (side, name, falls) in [(-0.02, "this side", 0.0), (0.02, "beyond", 1.0)] {
                 let off = 0.5 * lower + side * edge;

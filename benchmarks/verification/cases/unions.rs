@@ -1,4 +1,4 @@
-//! Bodies of several pieces: collisions that keep their energy, and dimers that jam.
+//! Bodies of several pieces: elastic collisions, and dimers that jam.
 
 use super::faces::{ENERGY, Pair};
 use super::packing::{apart, vanishing};
@@ -14,7 +14,7 @@ use std::fmt::Write;
 
 const BAULE: &str = "Baule et al. 2013, 10.1038/ncomms3194";
 
-/// All of them.
+/// Runs all cases.
 pub(crate) fn run(effort: Effort) -> Findings {
     let mut findings = Findings::default();
     collisions(effort, &mut findings);
@@ -24,7 +24,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     findings
 }
 
-/// The last two stand for round pieces that are one, and for a body cut from a mesh.
+/// The last two represent round pieces that form one body, and a body cut from a mesh.
 const NAMES: [&str; 5] = ["L", "T", "jack", "dimer", "stone"];
 
 /// Bodies about 1 m long.
@@ -56,7 +56,7 @@ fn shapes() -> String {
     text
 }
 
-/// Twelve collisions of each two, as many as there are pairs of kinds.
+/// Twelve collisions of each pair of kinds.
 fn collisions(effort: Effort, findings: &mut Findings) {
     let each = effort.pick(1, 12);
     let mut cases = [(0.1, 2e-4, "a tenth"), (0.025, 1e-5, "a fortieth")].map(|(share, allowed, words)| {
@@ -72,19 +72,19 @@ fn collisions(effort: Effort, findings: &mut Findings) {
             }
         }
     }
-    // What is asked for; the record tells how far off each two are.
+    // The tolerance is the requested accuracy; the record lists the deviation of each pair.
     let short = "in dents and at seams contacts begin and end on shorter ways than those of convex bodies, and need shorter steps";
     let told = cases.map(|(_, case)| Case { short_until: Some(short), ..case });
     findings.cases.extend(told);
 }
 
-/// How long dimers are over their thickness, where they are densest.
+/// Length of dimers over their thickness at which they are densest.
 const LONG: f64 = 1.3;
 const COUNT: usize = 300;
-/// The solid fraction from which they grow.
+/// Initial solid fraction.
 const LOOSE: f64 = 0.12;
 
-/// Dimers without friction that grow from random places, and shrink again until they no longer press.
+/// Frictionless dimers that grow from random places, and shrink again until the pressure vanishes.
 fn dimers(findings: &mut Findings) {
     let mut fraction = Case::new(
         BAULE,
@@ -105,7 +105,7 @@ fn dimers(findings: &mut Findings) {
             grains = relaxed(solid, 1.0, &grains, 2000).0;
         }
         let (mut points, mut solid) = (Vec::new(), 0.73);
-        // Towards the point where nothing presses, each time half of the way that is left.
+        // Towards the point of zero pressure, each time half of the remaining distance.
         for _ in 0..5 {
             let (after, pressure) = relaxed(solid, 0.1, &grains, 8000);
             grains = after;
@@ -128,14 +128,16 @@ fn dimers(findings: &mut Findings) {
     });
 }
 
-/// Of each of two balls with their centres `2 (LONG - 1)` radii apart, less the lens of both, where dimers fill this part of the box [m].
+/// Radius of each of the two balls of a dimer, when dimers fill this part of the box [m]. Their centres are `2 (LONG - 1)` radii
+/// apart; the lens that they share counts once.
 fn radius(solid: f64) -> f64 {
     let apart = 2.0 * (LONG - 1.0);
     let lens = PI * (4.0 + apart) * (2.0 - apart).powi(2) / 12.0;
     (solid / COUNT as f64 / (8.0 / 3.0 * PI - lens)).cbrt()
 }
 
-/// Dimers of unit mass and stiffness that fill this part of a periodic box of 1 m, after so many steps, and their pressure.
+/// Dimers of unit mass and stiffness that fill this part of a periodic box of 1 m, after this number of steps, and their
+/// pressure.
 fn relaxed(solid: f64, damping: f64, grains: &[Grain], steps: usize) -> (Vec<Grain>, f64) {
     let (volume, radius) = (solid / COUNT as f64, radius(solid));
     let half = (LONG - 1.0) * radius;

@@ -1,9 +1,9 @@
-//! A case seen in other ways that must not matter: split over two ranks, with ids swapped, in a turned frame.
+//! Repetition of a case in ways that must not matter: on two ranks, with exchanged ids, in a rotated frame.
 
 use super::{Case, Frame, Setup};
 use dem_mpi::math::{Quat, Vec3};
 
-/// What the other ways changed, by case.
+/// Differences between the ways, by case.
 #[derive(Clone, Debug)]
 pub(crate) struct Ways {
     split: Case,
@@ -11,16 +11,16 @@ pub(crate) struct Ways {
     turned: Case,
 }
 
-/// Rounding of positions (1e-16 of a radius) over the least overlap (1e-6 of it), times a hundred: over 400 steps.
+/// Rounding of positions (1e-16 of a radius) over the least overlap (1e-6 of it), times a hundred for 400 steps.
 const ROUNDING: f64 = 1e-8;
 
-/// About an axis of no symmetry.
+/// Rotation about an axis without symmetry.
 fn turn() -> Quat {
     Quat::new(Vec3::new(1.0, 2.0, -0.5).normalize() * 0.7)
 }
 
 impl Ways {
-    /// Of the cases of this source.
+    /// Ways for the cases of this source.
     pub(crate) fn new(source: &'static str) -> Self {
         let why = "rounding of positions over the overlap, 400 steps";
         Self {
@@ -48,7 +48,7 @@ impl Ways {
         }
     }
 
-    /// Runs a setup on one rank, and in all the other ways; the frames are those of one rank.
+    /// Runs a setup on one rank, and in all other ways; returns the frames of one rank.
     pub(crate) fn run(&mut self, name: &str, setup: &Setup, steps: u64, every: u64) -> Vec<Frame> {
         let frames = setup.run(steps, every);
         let split = setup.run_on(2, steps, every);
@@ -90,14 +90,14 @@ impl Ways {
         frames
     }
 
-    /// As rows of the table.
+    /// Cases of the table.
     pub(crate) fn into_cases(self) -> impl Iterator<Item = Case> {
         let all = [self.split, self.swapped, self.turned];
         all.into_iter().filter(|case| !case.rows.is_empty())
     }
 }
 
-/// How many numbers of two frames have other bits.
+/// Number of values with different bits in two frames.
 fn other_bits(a: &Frame, b: &Frame) -> usize {
     let numbers = |frame: &Frame| -> Vec<u64> {
         let of_body = |body: &super::Body| {
@@ -114,8 +114,8 @@ fn other_bits(a: &Frame, b: &Frame) -> usize {
     a.iter().zip(&b).filter(|(a, b)| a != b).count()
 }
 
-/// The largest difference of the last frame from another end, over the largest change of position, velocity or spin
-/// on the way.
+/// Largest difference of the last frame from another end, over the largest change of position, velocity or spin on
+/// the way.
 fn difference(frames: &[Frame], end: &Frame) -> f64 {
     let (first, last) = (&frames[0], &frames[frames.len() - 1]);
     let larger = |a: f64, b: f64| if b > a || b.is_nan() { b } else { a };
@@ -128,7 +128,7 @@ fn difference(frames: &[Frame], end: &Frame) -> f64 {
     };
     let over = |off: f64, all: f64| if all > 0.0 { off / all } else { off };
     let of = |what: &dyn Fn(&super::Body) -> Vec3| over(apart(last, end, what), changed(what));
-    // Where nothing should turn, the spin that would move a surface as fast as the body has changed its velocity.
+    // Without rotation, the spin that would move the surface as fast as the velocity of the body has changed.
     let size = first.bodies.iter().map(|b| b.position.norm()).fold(0.0, larger);
     let as_fast = over(changed(&|b| b.velocity), size);
     let spin = over(apart(last, end, &|b| b.spin), larger(changed(&|b| b.spin), as_fast));

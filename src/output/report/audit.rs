@@ -1,42 +1,44 @@
-//! What the audit of contacts has found, as [`super::Report`] has it.
+//! Results of the audit of contacts, part of [`super::Report`].
 
 use serde::Serialize;
 
-/// Errors of contacts of this run: every so many steps a sample of the contacts that touch was resolved again, to convergence.
+/// Errors of the contacts of this run. At regular intervals a sample of the touching contacts is resolved again, to
+/// convergence.
 /// The figures do not depend on the number of ranks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Audit {
-    /// Steps between audits; 0: there are none.
+    /// Steps between audits; 0 without audits.
     pub every: u64,
     /// Seed of the samples.
     pub seed: u64,
-    /// How many audits there were in this run.
+    /// Number of audits in this run.
     pub audits: u64,
-    /// Contacts that were resolved again.
+    /// Number of contacts resolved again.
     pub contacts: u64,
-    /// Are there unions, whose contacts are left out?
+    /// True if the scene has unions, whose contacts are left out.
     pub without_unions: bool,
-    /// By the kinds of the two shapes.
+    /// Errors by the kinds of the two shapes.
     pub of_kinds: Vec<OfKinds>,
 }
 
 /// Errors of contacts between shapes of two kinds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OfKinds {
-    /// Their names, as in a scene.
+    /// Names of the two kinds, as in a scene.
     pub kinds: [&'static str; 2],
-    /// What resolved them in the run, first of its chain.
+    /// Method of the run: the first of its chain.
     pub method: &'static str,
-    /// Against what they were held.
+    /// Reference method.
     pub against: &'static str,
-    /// How many were resolved again.
+    /// Number of contacts resolved again.
     pub contacts: u64,
-    /// How many of these overlap in the run, but not when resolved again. They have an error of the overlap (at least) and of
-    /// the force; no normal, no point, no relative overlap. Contacts that adhesion holds across a gap have these two, too.
+    /// Number of these that overlap in the run, but not when resolved again. They count in the errors of overlap (as a lower
+    /// bound) and force, not in those of normal, point and relative overlap. Contacts held across a gap by adhesion have these
+    /// two errors, too.
     pub spurious: u64,
-    /// How many could not be resolved again; they have no errors.
+    /// Number of contacts that could not be resolved again; they have no errors.
     pub unresolved: u64,
-    /// Mean size of the elastic normal force, as it is when resolved again, without spurious ones: the unit of `force`.
+    /// Mean elastic normal force when resolved again, without spurious contacts: the unit of `force`.
     pub mean_force_n: f64,
     /// Error of the overlap over the shortest axis (a diameter) of the smaller body.
     pub overlap: Spread,
@@ -46,17 +48,17 @@ pub struct OfKinds {
     pub normal_rad: Spread,
     /// Distance of the contact points over that axis.
     pub point: Spread,
-    /// Error of the normal force that the law makes of the overlap, dashpots left out, over `mean_force_n`.
+    /// Error of the normal force that follows from the overlap, without dashpots, over `mean_force_n`.
     pub force: Spread,
 }
 
-/// Of many errors, none of them negative; all `null` if there are none.
+/// Distribution of errors, none of them negative; all `null` if there are none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
-    /// Half are at most this.
+    /// Half of the errors are at most this.
     pub median: f64,
-    /// 99 of 100 are at most this.
+    /// 99 of 100 errors are at most this.
     pub p99: f64,
-    /// All are at most this.
+    /// Largest error.
     pub max: f64,
 }

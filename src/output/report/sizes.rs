@@ -1,34 +1,35 @@
-//! Sizes of particles, as [`super::Report`] has them.
+//! Sizes of particles, part of [`super::Report`].
 
 use serde::{Deserialize, Serialize};
 
-/// Sizes of the particles of a shape, as scales of the shape's lengths, beside what the scene asks for: of those that are there at the end,
-/// and of those that have left through outlets in the stage. Quantiles are found to a cell of [`crate::population::census::Census`].
+/// Sizes of the particles of a shape, as scales of the shape's lengths, beside the requested distribution. They include the
+/// particles present at the end and those that left through outlets in the stage. Quantiles are accurate to a cell of
+/// [`crate::population::census::Census`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SizesOf {
-    /// The shape's name.
+    /// Name of the shape.
     pub shape: String,
-    /// The law asked for, in words.
+    /// Requested distribution, in words.
     pub law: String,
-    /// How many particles there are or were.
+    /// Number of particles, present or gone.
     pub particles: u64,
-    /// How many of them have left.
+    /// Number of particles that have left.
     #[serde(default)]
     pub left: u64,
-    /// What was asked for.
+    /// Figures of the requested distribution.
     pub asked: Figures,
-    /// What is there.
+    /// Figures of the sizes found.
     pub found: Figures,
-    /// The largest difference of the two cumulative curves by number (Kolmogorov and Smirnov's).
+    /// Largest difference of the two cumulative curves by number (Kolmogorov-Smirnov distance).
     pub largest_difference_by_number: f64,
-    /// The same by mass.
+    /// Largest difference of the two cumulative curves by mass.
     pub largest_difference_by_mass: f64,
     /// The cumulative curves.
     pub curve: Vec<Below>,
 }
 
 impl SizesOf {
-    /// Rows of a curve, less one.
+    /// Number of intervals of a curve, one less than its rows.
     pub const ROWS: usize = 64;
 }
 
@@ -47,17 +48,17 @@ pub struct Figures {
     pub sauter_mean: f64,
 }
 
-/// Shares below a scale.
+/// Cumulative shares below a scale.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Below {
     /// The scale.
     pub scale: f64,
-    /// Asked for, by number.
+    /// Requested share by number.
     pub asked_by_number: f64,
-    /// Found, by number.
+    /// Found share by number.
     pub found_by_number: f64,
-    /// Asked for, by mass.
+    /// Requested share by mass.
     pub asked_by_mass: f64,
-    /// Found, by mass.
+    /// Found share by mass.
     pub found_by_mass: f64,
 }

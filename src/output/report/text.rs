@@ -19,8 +19,8 @@ impl Page {
 }
 
 impl Report {
-    /// What a person wants to know first, in four lines: steps and speed; contacts and fallbacks; energy; snapshot. Below them
-    /// stand all warnings, and what other programs have cost. `directory` is where the report is stored.
+    /// Summary in four lines: steps and speed; contacts and fallbacks; energy; snapshot. Warnings and the time lost to other
+    /// programs follow. `directory` is the folder of the report.
     pub fn summary(&self, directory: &Path) -> String {
         let mut page = Page::default();
         self.steps(&mut page);
@@ -40,7 +40,7 @@ impl Report {
         page.0
     }
 
-    /// The rest.
+    /// All further figures of the report.
     pub fn details(&self) -> String {
         let mut page = Page::default();
         self.times(&mut page);
@@ -146,7 +146,7 @@ impl Report {
         }
     }
 
-    /// Time of a rank in the phases of a step that grow with its particles, beside what their formulas need at least.
+    /// Time of a rank in the phases of a step that grow with its particles, beside the lower bound from their formulas.
     fn costs(&self, page: &mut Page) {
         page.line(format_args!(
             "{:<10} {:>11} {:>12} {:>11} {:>14} {:>9} {:>17} {:>12}",
@@ -192,7 +192,7 @@ impl Report {
         ));
     }
 
-    /// The packing at the end, the balance of energies, and the time step.
+    /// The packing at the end, the energy balance, and the time step.
     fn state(&self, page: &mut Page) {
         let (packing, energy, resolution) = (&self.packing, &self.energy, &self.resolution);
         page.line(format_args!(
@@ -355,7 +355,7 @@ impl Ranks {
         ));
     }
 
-    /// That a rank had to wait for a core, in a run of `wall_s` that is long enough for this to matter.
+    /// Warning that a rank had to wait for a core, if `wall_s` is long enough for this to matter.
     fn lack_of_cores(&self, wall_s: f64) -> Option<String> {
         let part = self.without_core_s?.most / wall_s;
         (part > 0.1 && wall_s > 10.0).then(|| {

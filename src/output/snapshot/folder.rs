@@ -1,4 +1,4 @@
-//! The folder of a run's snapshots: names, lists, the link to the newest, whose they are.
+//! Folder of a run's snapshots: file names, lists, the link to the newest, and protection against other runs.
 
 use super::{LAST, Reader, contacts_name, particles_name};
 use crate::comm::{Comm, agree};
@@ -9,13 +9,13 @@ use std::fs::{self, File};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
-/// The particles files of a directory with their times, for ParaView.
+/// List of the particles files of a directory with their times, for ParaView.
 pub const PARTICLES_LIST: &str = "particles.vtkhdf.series";
 
-/// The contacts files likewise.
+/// List of the contacts files of a directory with their times, for ParaView.
 pub const CONTACTS_LIST: &str = "contacts.vtkhdf.series";
 
-/// Lists all snapshots of the directory, the one of this header among them, for ParaView.
+/// Lists all snapshots of the directory for ParaView, including the one of this header.
 pub(super) fn list_with_times(directory: &Path, header: &Header) -> io::Result<()> {
     let known = series::times(&directory.join(PARTICLES_LIST));
     let time_of = |step: u64, path: &Path| match known.get(&particles_name(step)) {
@@ -37,15 +37,17 @@ pub(super) fn list_with_times(directory: &Path, header: &Header) -> io::Result<(
     Ok(())
 }
 
-/// Keeps a directory to one run: none of its snapshots may be later than the step at which a run begins, and there are
-/// earlier ones only if it goes on from one of them. Files of others are not replaced. If `remove`, those that are later go, and what
-/// a run before left besides. Where the run goes on from the
-/// directory as a whole, they were passed over as damaged, and stay. `start` is what the same stage goes on from, `before`
-/// the stage before, if this one begins with it. Collective.
+/// Reserves a directory for one run. No snapshot in it may be later than the step at which the run begins. Earlier ones are
+/// allowed only if the run continues from one of them. Files that no run wrote are not replaced. Collective.
+///
+/// - `remove`: later snapshots are removed, and so are other outputs of an earlier run.
+/// - `start`: snapshot or directory from which the same stage continues. If it is the directory itself, later snapshots were
+///   skipped as damaged, and stay.
+/// - `before`: the previous stage, if this stage begins from it.
 ///
 /// # Errors
 /// On all ranks: [`SnapshotError::Later`], [`SnapshotError::StageBefore`], [`SnapshotError::Foreign`], or rank 0 cannot remove
-/// them.
+/// files.
 pub fn none_later(
     directory: &Path,
     step: u64,
@@ -59,10 +61,10 @@ pub fn none_later(
     let is_in_here =
         |path: &Option<PathBuf>| path.as_deref().and_then(Path::parent) == here.as_deref();
     let is_one_of_them = is_in_here(&start);
-    // The stage before is kept, so that the run can be done once more.
+    // Snapshots of the previous stage are kept, so that this stage can be run again.
     let follows_them = before == here || is_in_here(&before);
     let mut later = Vec::new();
-    // As rank 0 sees the directory: others may see it late.
+    // Only rank 0 reads the directory: other ranks may see changes late.
     if comm.is_root() && start != here {
         later = steps_in(directory);
         let is_strange = !is_one_of_them && if remove { !follows_them } else { step > 0 };
@@ -95,7 +97,7 @@ pub fn none_later(
     agree(comm, foreign.map_or(Ok(()), error))
 }
 
-/// A file of the directory that no run wrote, although it has the name of one that each writes.
+/// A file of the directory that no run wrote, although it has the name of an output file.
 fn foreign(directory: &Path) -> Option<PathBuf> {
     const BEGINNINGS: [(&str, &str); 5] = [
         ("history.csv", "step,"),
@@ -109,12 +111,12 @@ fn foreign(directory: &Path) -> Option<PathBuf> {
         path.symlink_metadata().is_ok() && !begins_with(&path, beginning)
     });
     let last = directory.join(LAST);
-    // A copy of a folder has a copy of the newest snapshot in place of the link.
+    // In a copy of a folder, a copy of the newest snapshot replaces the link.
     let is_kept = last.symlink_metadata().is_ok_and(|last| !last.is_symlink());
     strange.map(|(name, _)| directory.join(name)).or_else(|| is_kept.then_some(last))
 }
 
-/// Is a file empty, or does it begin with this text?
+/// True if a file is empty or begins with this text.
 fn begins_with(path: &Path, text: &str) -> bool {
     let mut beginning = Vec::new();
     let file = files::open(path);
@@ -122,7 +124,7 @@ fn begins_with(path: &Path, text: &str) -> bool {
     read.is_ok() && (beginning.is_empty() || beginning == text.as_bytes())
 }
 
-/// Removes the lists of grains that came or left in a run before, which would pass for those of this one, and its reports.
+/// Removes the lists, tables and reports of an earlier run, which would be mistaken for those of this one.
 fn remove_lists(directory: &Path) -> io::Result<()> {
     for entry in fs::read_dir(directory)? {
         let path = entry?.path();
@@ -137,7 +139,7 @@ fn remove_lists(directory: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Lets [`LAST`] point to a file of the same directory.
+/// Points [`LAST`] to a file of the same directory.
 pub(super) fn link_last(directory: &Path, name: &str) -> io::Result<()> {
     let new = files::partial(&directory.join(LAST));
     files::remove_if_there(&new)?;
@@ -146,9 +148,8 @@ pub(super) fn link_last(directory: &Path, name: &str) -> io::Result<()> {
     File::open(directory)?.sync_all()
 }
 
-/// The particles files of a directory by which a run may go on, the newest first: that of [`LAST`], then
-/// those of the steps before it. Files of later steps, which a run left before it went back to an earlier
-/// snapshot, are not among them.
+/// Particles files of a directory from which a run may continue, the newest first: that of [`LAST`], then those of earlier steps.
+/// Files of later steps, left by a run that went back to an earlier snapshot, are not included.
 pub(super) fn candidates(directory: &Path) -> Vec<PathBuf> {
     let last = directory.join(LAST);
     let linked = fs::read_link(&last).ok();
@@ -156,12 +157,12 @@ pub(super) fn candidates(directory: &Path) -> Vec<PathBuf> {
     let mut steps = steps_in(directory);
     steps.retain(|(step, _)| *step < newest);
     steps.sort_unstable_by(|x, y| y.cmp(x));
-    // The link may be missing, point to nothing, or be a file: a copy.
+    // The link may be missing, dangling, or replaced by a copy of the file.
     let first = last.symlink_metadata().is_ok().then_some(last);
     first.into_iter().chain(steps.into_iter().map(|(_, path)| path)).collect()
 }
 
-/// The particles files of a directory and their steps, in any order.
+/// Particles files of a directory and their steps, in any order.
 fn steps_in(directory: &Path) -> Vec<(u64, PathBuf)> {
     let entries = fs::read_dir(directory).into_iter().flatten();
     let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
@@ -169,7 +170,7 @@ fn steps_in(directory: &Path) -> Vec<(u64, PathBuf)> {
     steps.filter(|(_, path)| !path.is_dir()).collect()
 }
 
-/// The step of a particles file, by its name, if a run gives such names.
+/// Step of a particles file from its name, if a run gives such names.
 pub fn step_of(path: &Path) -> Option<u64> {
     let name = path.file_name()?.to_str()?;
     let step = name.strip_prefix("particles_")?.strip_suffix(".vtkhdf")?.parse().ok()?;

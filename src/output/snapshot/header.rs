@@ -1,4 +1,4 @@
-//! What a snapshot says once, to both files and back.
+//! Header of a snapshot, to both files and back.
 
 use super::{column, numbers, vectors};
 use crate::cell::{Cell, Shear, Strained};
@@ -12,7 +12,7 @@ use crate::shape::Shape;
 use crate::walls::Saved;
 use serde::de::DeserializeOwned;
 
-/// The groups of both files that hold no state of a drive.
+/// Groups of both files that do not hold the state of a drive.
 const GROUPS: [&str; 6] = ["VTKHDF", "restart", "run", "domain", "walls", "shapes"];
 
 pub(super) fn write_header(file: &mut SnapshotFile, header: &Header) -> Result<(), SnapshotError> {
@@ -64,7 +64,7 @@ const COUNTS: [Number<u64>; 3] = [
     ("next_id", |header| &mut header.next_id),
 ];
 
-/// `stage_shift`, `largest_kinetic_and_elastic_J` and `departed_*` say what [`Header`] says.
+/// `stage_shift`, `largest_kinetic_and_elastic_J` and `departed_*` are fields of [`Header`].
 const NUMBERS: [Number<f64>; 7] = [
     ("time", |header| &mut header.time),
     ("dt", |header| &mut header.dt),
@@ -75,7 +75,8 @@ const NUMBERS: [Number<f64>; 7] = [
     ("departed_dissipated_J", |header| &mut header.departed.dissipated),
 ];
 
-/// Parts of what departed particles had dissipated [J], in the order of [`crate::particles::columns::Quantity::CHANNELS`].
+/// Parts of the energy dissipated by removed particles [J], in the order of
+/// [`crate::particles::columns::Quantity::CHANNELS`].
 const DEPARTED_CHANNELS: &str = "departed_dissipated_by_channel_J";
 
 fn write_run(file: &mut SnapshotFile, header: &Header) -> Result<(), SnapshotError> {
@@ -119,7 +120,7 @@ fn read_run(file: &StoredFile, header: &mut Header) -> Result<(), SnapshotError>
 
 const SHEAR_AXES: &str = "shear_along_across";
 const SHEAR: &str = "shear_rate_strain";
-/// Columns of the edges of a cell that a flow carries ([`Strained`]), by rows.
+/// Edges of a cell carried by a flow ([`Strained`]), the columns of a matrix, stored by rows.
 const EDGES: &str = "edges";
 const RATE: &str = "velocity_gradient";
 const STRAIN: &str = "strain";
@@ -182,12 +183,12 @@ fn read_domain(file: &StoredFile) -> Result<Cell, SnapshotError> {
 // --- /walls ---
 
 const WALL_NAME: Column = column("/walls/name", 1, "");
-/// Null of a wall that is no more than one plane; not there if all are.
+/// Body of each wall as JSON, null for a wall of one plane; absent if all are.
 const WALL_BODY: Column = column("/walls/body", 1, "");
-/// The corners of all triangles, in the axes of their walls; not there without triangles.
+/// Corners of all triangles, in the axes of their walls; absent without triangles.
 const WALL_TRIANGLES: Column = column("/walls/triangles", 9, "m");
 
-/// A column of a table of the header.
+/// Column of a table of the header, with its field.
 type Field<Row, T> = (Column<'static>, fn(&mut Row) -> &mut T);
 
 const OF_WALLS: [Field<WallRow, Vec3>; 4] = [
@@ -244,7 +245,7 @@ fn read_triangles(file: &StoredFile) -> Result<Vec<[f64; 9]>, SnapshotError> {
     Ok(file.rows::<f64>(&WALL_TRIANGLES, 0..rows)?.as_chunks().0.to_vec())
 }
 
-/// The body of each wall as JSON.
+/// Body of each wall as JSON.
 pub(super) fn bodies(header: &Header) -> Vec<String> {
     let json = |row: &WallRow| serde_json::to_string(&row.body);
     header.walls.iter().map(json).collect::<Result<_, _>>().expect("a body can be stored")
@@ -320,7 +321,7 @@ fn read_shapes(file: &StoredFile) -> Result<Vec<ShapeRow>, SnapshotError> {
     Ok(shapes)
 }
 
-/// The geometry of each shape as JSON.
+/// Geometry of each shape as JSON.
 pub(super) fn geometries(header: &Header) -> Vec<String> {
     let json = |row: &ShapeRow| serde_json::to_string(&row.geometry);
     header.shapes.iter().map(json).collect::<Result<_, _>>().expect("a geometry can be stored")
@@ -328,7 +329,7 @@ pub(super) fn geometries(header: &Header) -> Vec<String> {
 
 // --- drives ---
 
-/// What drives have saved.
+/// Saved states of drives.
 fn read_drives(file: &StoredFile) -> Result<Vec<SavedState>, SnapshotError> {
     let mut drives = Vec::new();
     for drive in file.members("/")? {
@@ -345,7 +346,7 @@ fn read_drives(file: &StoredFile) -> Result<Vec<SavedState>, SnapshotError> {
     Ok(drives)
 }
 
-/// The small tables of the header: columns that must have `rows` rows.
+/// Small tables of the header, whose columns must have `rows` rows.
 struct Tabulated<'a> {
     file: &'a StoredFile,
     rows: usize,

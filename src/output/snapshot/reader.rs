@@ -1,4 +1,4 @@
-//! Snapshots are read.
+//! Reading of snapshots.
 
 use super::folder::candidates;
 use super::header::read_header;
@@ -19,17 +19,16 @@ use std::cell::OnceCell;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Of so many particles at a time the scales are looked at.
+/// Number of particles whose scales are read at a time.
 const PARTICLES_AT_ONCE: usize = 1 << 20;
 
-/// An opened snapshot, read serially: any rank, or a program without MPI, opens it for itself.
+/// An opened snapshot, read serially: any rank, or a program without MPI, opens it independently.
 ///
-/// Opening checks all bytes of a file against the checksum at its end; a read of all rows of a dataset
-/// checks them once more, by the checksum that was made before they were written. Ranks that restart
-/// use [`Reader::open_together`].
+/// Opening checks all bytes of a file against the checksum at its end. A read of all rows of a dataset checks them again, by the
+/// checksum that was made before they were written. Ranks that restart use [`Reader::open_together`].
 pub struct Reader {
     particles: StoredFile,
-    /// Opened when it is first asked for: a damaged contacts file does not stand in the way of a restart.
+    /// Opened at the first access, so that a damaged contacts file does not prevent a restart.
     contacts: OnceCell<Result<StoredFile, SnapshotError>>,
     header: Header,
     particle_count: usize,
@@ -37,12 +36,11 @@ pub struct Reader {
     passed_over: Vec<SnapshotError>,
 }
 
-/// The least and the largest scale of particles [-], and their number.
+/// Smallest and largest scale of particles [-], and their number.
 pub type Sizes = ([f64; 2], u64);
 
 impl Reader {
-    /// Opens a particles file, or the newest snapshot of a directory that can be used: the one to which
-    /// [`LAST`] points, or else the next before it.
+    /// Opens a particles file, or the newest usable snapshot of a directory: the one of [`LAST`], otherwise the next before it.
     ///
     /// # Errors
     /// [`SnapshotError::Missing`], [`SnapshotError::Unreadable`], [`SnapshotError::Damaged`],
@@ -51,11 +49,11 @@ impl Reader {
         Self::open_among(path, &mut Alone::default(), |_, _| Ok(()))
     }
 
-    /// As [`Reader::open`] on all ranks, for a restart: each rank checks a share of the particles file,
-    /// which has all that a restart reads. Collective.
+    /// Opens a snapshot on all ranks for a restart, like [`Reader::open`]. Each rank checks a share of the particles file, which
+    /// has all data of a restart. Collective.
     ///
     /// # Errors
-    /// As [`Reader::open`], the same on every rank.
+    /// See [`Reader::open`]; the same on every rank.
     pub fn open_together(path: &Path, comm: &mut dyn Comm) -> Result<Self, SnapshotError> {
         Self::open_among(path, comm, |file, comm| file.verify(comm))
     }
@@ -65,7 +63,7 @@ impl Reader {
         comm: &mut dyn Comm,
         check: impl Fn(&StoredFile, &mut dyn Comm) -> Result<(), SnapshotError>,
     ) -> Result<Self, SnapshotError> {
-        // As rank 0 sees the directory: others may see it late.
+        // Only rank 0 reads the directory: other ranks may see changes late.
         let mut listed = wire::encode(&path.is_dir().then(|| candidates(path)));
         comm.broadcast(&mut listed);
         let mut open = |file: &Path| {
@@ -90,7 +88,7 @@ impl Reader {
     }
 
     fn open_file(path: &Path, comm: &mut dyn Comm) -> Result<Self, SnapshotError> {
-        // Through the link, so that the other file is found beside the real one.
+        // The link is resolved, so that the contacts file is found beside the real file.
         let real = path
             .canonicalize()
             .map_err(|e| SnapshotError::Missing { path: name_of(path), cause: e.to_string() });
@@ -111,22 +109,22 @@ impl Reader {
         Ok(Self { particles, contacts, header, particle_count, contact_record_count, passed_over })
     }
 
-    /// The particles file.
+    /// Path of the particles file.
     pub fn path(&self) -> &Path {
         self.particles.path()
     }
 
-    /// What is wrong with newer snapshots of the directory, the newest first.
+    /// Errors of newer snapshots of the directory that were skipped, the newest first.
     pub fn passed_over(&self) -> &[SnapshotError] {
         &self.passed_over
     }
 
-    /// What the snapshot says once.
+    /// Header of the snapshot.
     pub fn header(&self) -> &Header {
         &self.header
     }
 
-    /// How many particles it has.
+    /// Number of particles.
     pub fn particle_count(&self) -> usize {
         self.particle_count
     }
@@ -139,7 +137,7 @@ impl Reader {
         self.columns(rows, |_| true)
     }
 
-    /// The same of some columns, by name; the others stay empty.
+    /// Particles with some of the columns, selected by name; the others stay empty.
     fn columns(
         &self,
         rows: Range<usize>,
@@ -154,7 +152,7 @@ impl Reader {
         Ok(particles)
     }
 
-    /// Is every shape one of the header's, and every id one that a particle was given?
+    /// Checks that every shape is in the header, and every id was given to a particle.
     fn check_names(&self, particles: &ParticleTable) -> Result<(), SnapshotError> {
         let (shapes, next_id) = (self.header.shapes.len(), self.header.next_id);
         let unlisted = particles.shape.iter().find(|shape| shape.index() >= shapes);
@@ -169,11 +167,11 @@ impl Reader {
         Err(SnapshotError::unreadable(self.path(), &cause))
     }
 
-    /// The least and the largest scale of the particles of each shape [-], and how many there are; `None` of a shape that none of
-    /// them has. Only some of the particles are in memory at a time.
+    /// Smallest and largest scale of the particles of each shape [-], and their number; `None` for a shape without particles.
+    /// Only some of the particles are in memory at a time.
     ///
     /// # Errors
-    /// As [`Reader::particles`].
+    /// See [`Reader::particles`].
     pub fn sizes(&self) -> Result<Vec<Option<Sizes>>, SnapshotError> {
         let mut sizes: Vec<Option<Sizes>> = vec![None; self.header.shapes.len()];
         for first in (0..self.particle_count).step_by(PARTICLES_AT_ONCE) {
@@ -181,7 +179,7 @@ impl Reader {
             let table = self.columns(rows, |name| ["shape", "scale"].contains(&name))?;
             for (row, shape) in table.shape.iter().enumerate() {
                 let scale = table.scale_of(row);
-                // A number of no shape is told when the particles are read.
+                // An invalid shape is reported when the particles are read.
                 let Some(known) = sizes.get_mut(shape.index()) else { continue };
                 let ([least, largest], count) = known.unwrap_or(([scale; 2], 0));
                 *known = Some(([least.min(scale), largest.max(scale)], count + 1));
@@ -190,10 +188,10 @@ impl Reader {
         Ok(sizes)
     }
 
-    /// How many contacts it has.
+    /// Number of contacts.
     ///
     /// # Errors
-    /// What stood against opening the contacts file.
+    /// If the contacts file cannot be opened.
     pub fn contact_count(&self) -> Result<usize, SnapshotError> {
         self.contacts_file()?.count(CONTACT_COLUMNS[0].place)
     }
@@ -201,7 +199,7 @@ impl Reader {
     /// Contacts, in the order of the ids of A, then of B.
     ///
     /// # Errors
-    /// As [`Reader::particles`], or what stood against opening the contacts file.
+    /// See [`Reader::particles`]; also if the contacts file cannot be opened.
     pub fn contacts(&self, rows: Range<usize>) -> Result<ContactTable, SnapshotError> {
         let file = self.contacts_file()?;
         let total = file.count(CONTACT_COLUMNS[0].place)?;
@@ -218,15 +216,15 @@ impl Reader {
         Ok(contacts)
     }
 
-    /// How many records of touching contacts it has.
+    /// Number of records of touching contacts.
     pub fn contact_record_count(&self) -> usize {
         self.contact_record_count
     }
 
-    /// Records of touching contacts, as [`Reader::contacts`].
+    /// Records of touching contacts, in the order of [`Reader::contacts`].
     ///
     /// # Errors
-    /// As [`Reader::particles`].
+    /// See [`Reader::particles`].
     pub fn contact_records(&self, rows: Range<usize>) -> Result<ContactRecords, SnapshotError> {
         let table = Piece { file: &self.particles, total: self.contact_record_count, rows };
         let (a, b) = (ids(&table, &RECORD_A)?, ids(&table, &RECORD_B)?);
@@ -250,7 +248,7 @@ impl Reader {
         Ok(records)
     }
 
-    /// What the law remembered of touching contacts.
+    /// Columns of the contact law's state in the records.
     ///
     /// # Errors
     /// [`SnapshotError::Unreadable`].
@@ -270,8 +268,7 @@ impl Reader {
     /// Checks every dataset of both files against its checksum.
     ///
     /// # Errors
-    /// [`SnapshotError::Damaged`] with the first dataset that has changed, or what stood against
-    /// reading.
+    /// [`SnapshotError::Damaged`] with the first dataset that has changed, or an error of reading.
     pub fn verify(&self) -> Result<(), SnapshotError> {
         self.particles.verify(&mut Alone::default())?;
         self.contacts_file()?.verify(&mut Alone::default())
@@ -283,7 +280,7 @@ impl Reader {
     }
 }
 
-/// Opens the contacts file beside a particles file, and checks that they are of one snapshot.
+/// Opens the contacts file beside a particles file, and checks that both belong to one snapshot.
 fn open_contacts(particles: &Path, header: &Header) -> Result<StoredFile, SnapshotError> {
     let name = particles.file_name().and_then(|n| n.to_str()).unwrap_or_default();
     let Some(rest) = name.strip_prefix("particles_") else {
@@ -292,7 +289,7 @@ fn open_contacts(particles: &Path, header: &Header) -> Result<StoredFile, Snapsh
     };
     let path = particles.with_file_name(format!("contacts_{rest}"));
     let file = StoredFile::open(&path, &mut Alone::default())?;
-    // Bits: a number that is none equals nothing, and drives may save one.
+    // Bits are compared: a saved number that is not a number equals nothing.
     if wire::encode(&read_header(&file)?) == wire::encode(header) {
         Ok(file)
     } else {

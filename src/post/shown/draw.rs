@@ -1,12 +1,12 @@
-//! Charts as SVG text, drawn with plotters. The colours are those of Okabe and Ito, which colour-blind
-//! readers can distinguish.
+//! Charts as SVG text, drawn with plotters. The colours are those of Okabe and Ito, which colour-blind readers can
+//! distinguish.
 
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::prelude::*;
 use std::ops::Range;
 
-/// Why a plot could not be drawn.
+/// Error of drawing a plot.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("cannot draw a plot: {0}")]
 pub struct PlotError(String);
@@ -17,13 +17,13 @@ impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotE
     }
 }
 
-/// Text, and the first curve.
+/// Colour of text, and of the first curve.
 pub const INK: RGBColor = RGBColor(0x1F, 0x29, 0x33);
-/// Axes and labels.
+/// Colour of axes and labels.
 pub const MUTED: RGBColor = RGBColor(0x5B, 0x66, 0x72);
-/// Lines of a grid.
+/// Colour of grid lines.
 pub const GRID: RGBColor = RGBColor(0xE3, 0xE7, 0xEB);
-/// Of Okabe and Ito, as the following.
+/// Colour of Okabe and Ito, like the following ones.
 pub const BLUE: RGBColor = RGBColor(0x00, 0x72, 0xB2);
 /// See [`BLUE`].
 pub const ORANGE: RGBColor = RGBColor(0xE6, 0x9F, 0x00);
@@ -34,10 +34,10 @@ pub const GREEN: RGBColor = RGBColor(0x00, 0x9E, 0x73);
 /// See [`BLUE`].
 pub const PURPLE: RGBColor = RGBColor(0xCC, 0x79, 0xA7);
 
-/// plotters places everything at whole units: this many to a pixel keep curves smooth.
+/// Drawing units per pixel: plotters places everything at whole units, and this many keep curves smooth.
 pub const FINE: i32 = 8;
 
-/// Pixels in the units of the drawing.
+/// Converts pixels to drawing units.
 pub const fn px(pixels: i32) -> i32 {
     pixels * FINE
 }
@@ -45,7 +45,7 @@ pub const fn px(pixels: i32) -> i32 {
 /// A part of a drawing.
 pub type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// A text style of this size in pixels.
+/// Text style of this size in pixels.
 fn text(pixels: i32, colour: RGBColor) -> TextStyle<'static> {
     // plotters' SVG divides sizes by 1.24.
     ("sans-serif", f64::from(px(pixels)) * 1.24).into_font().color(&colour)
@@ -69,7 +69,7 @@ pub fn drawing(
         paint(&canvas)?;
         canvas.present()?;
     }
-    // The view box keeps the fine units; the size is in pixels.
+    // The view box keeps the drawing units; the size is in pixels.
     let fine = format!(r#"width="{fine_width}" height="{fine_height}" viewBox"#);
     Ok(svg.replacen(&fine, &format!(r#"width="{width}" height="{height}" viewBox"#), 1))
 }
@@ -99,50 +99,50 @@ pub fn grid(
     })
 }
 
-/// How a series is drawn.
+/// Mark of a series.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mark {
     /// A line through the points.
     Line,
     /// A dot at each point.
     Dots,
-    /// Bars of this width in units of x, from zero, their middles shifted by the second.
+    /// Bars of a width in units of x, from zero; the second number shifts their middles.
     Bars(f64, f64),
     /// A vertical line at the x of each point.
     Rule,
 }
 
-/// Points drawn alike.
+/// Points with the same mark.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// In the legend; empty: not there.
+    /// Name in the legend; empty for none.
     pub name: String,
-    /// Of all marks.
+    /// Colour of all marks.
     pub colour: RGBColor,
-    /// How each point is drawn.
+    /// Mark of each point.
     pub mark: Mark,
-    /// x and y; those that are not finite are left out.
+    /// x and y; points that are not finite are left out.
     pub points: Vec<(f64, f64)>,
 }
 
 /// Both axes of a chart.
 #[derive(Clone, Debug)]
 pub struct Axes {
-    /// Below the chart.
+    /// Label below the chart.
     pub x_label: String,
-    /// Left of it.
+    /// Label on the left.
     pub y_label: String,
-    /// From left to right.
+    /// Range from left to right.
     pub x: Range<f64>,
-    /// From bottom to top.
+    /// Range from bottom to top.
     pub y: Range<f64>,
-    /// Is x logarithmic?
+    /// True if x is logarithmic.
     pub log_x: bool,
-    /// Is y logarithmic?
+    /// True if y is logarithmic.
     pub log_y: bool,
 }
 
-/// Both axes linear.
+/// Axes that are both linear.
 pub fn linear(x_label: &str, y_label: &str, x: Range<f64>, y: Range<f64>) -> Axes {
     let (x_label, y_label) = (x_label.into(), y_label.into());
     Axes { x_label, y_label, x, y, log_x: false, log_y: false }
@@ -156,14 +156,14 @@ pub fn chart(size: (u32, u32), axes: &Axes, series: &[Series]) -> Result<String,
     drawing(size.0, size.1, |canvas| panel(canvas, axes, series))
 }
 
-/// Left of a legend [px].
+/// Space on the left of a legend [px].
 const LEGEND_LEFT: i32 = 72;
 /// Height of a row of a legend [px].
 const LEGEND_ROW: i32 = 18;
-/// Right of a chart and its legend [px].
+/// Space on the right of a chart and its legend [px].
 const RIGHT: i32 = 18;
 
-/// A chart with a legend above it, as a part of a drawing.
+/// Draws a chart with a legend above it into a part of a drawing.
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -190,7 +190,7 @@ pub fn panel(canvas: &Canvas, axes: &Axes, series: &[Series]) -> Result<(), Plot
     }
 }
 
-/// Grid, labels and series of a chart.
+/// Draws grid, labels and series of a chart.
 fn fill<X, Y>(
     chart: &mut ChartContext<SVGBackend, Cartesian2d<X, Y>>,
     axes: &Axes,
@@ -248,12 +248,12 @@ where
     Ok(())
 }
 
-/// Swatches and names in as many rows as they need, which are counted.
+/// Draws swatches and names in as many rows as they need; returns the number of rows.
 fn legend(canvas: &Canvas, series: &[&Series]) -> Result<i32, PlotError> {
     let end = canvas.dim_in_pixel().0 as i32 - px(RIGHT);
     let (mut x, mut rows) = (end, 0);
     for s in series {
-        // About the width of a letter; text is measured by whoever shows the drawing.
+        // About the width of a letter; the exact width depends on the viewer.
         let width = px(15) + s.name.chars().count() as i32 * px(13) / 2;
         if rows == 0 || x + width > end {
             (x, rows) = (px(LEGEND_LEFT), rows + 1);
@@ -269,12 +269,12 @@ fn legend(canvas: &Canvas, series: &[&Series]) -> Result<i32, PlotError> {
     Ok(rows)
 }
 
-/// Where a text stands from its point.
+/// Position of a text relative to its point.
 #[derive(Clone, Copy, Debug)]
 pub enum Anchor {
-    /// It begins there.
+    /// The text begins at the point.
     Left,
-    /// Its middle is there.
+    /// The middle of the text is at the point.
     Middle,
 }
 
@@ -299,7 +299,7 @@ pub fn label(
     Ok(canvas.draw(&Text::new(words.to_string(), at, style))?)
 }
 
-/// A label of a linear axis: no more digits than it needs.
+/// Label of a linear axis, with no more digits than needed.
 pub fn tick(value: f64) -> String {
     let size = value.abs();
     if size < 1e-300 {
@@ -318,13 +318,13 @@ pub fn tick(value: f64) -> String {
     fixed.trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
-/// A label of a linear axis of this range. Steps from one tick to the next leave a hair of rounding where 0 should be.
+/// Label of a linear axis of this range. Steps between ticks leave a rounding error where 0 should be.
 fn tick_on(value: f64, range: &Range<f64>) -> String {
     let hair = 1e-9 * (range.end - range.start).abs();
     tick(if value.abs() < hair { 0.0 } else { value })
 }
 
-/// A label of a logarithmic axis.
+/// Label of a logarithmic axis.
 fn power(value: f64) -> String {
     format!("10{}", superscript(value.log10().round() as i32))
 }
@@ -341,7 +341,7 @@ fn superscript(number: i32) -> String {
     number.to_string().chars().map(raise).collect()
 }
 
-/// The span of these values with a little room; 0 to 1 without any.
+/// Span of these values with a little room; 0 to 1 without values.
 pub fn span(values: impl Iterator<Item = f64>) -> Range<f64> {
     let finite = values.filter(|v| v.is_finite());
     let (low, high) =
@@ -350,12 +350,12 @@ pub fn span(values: impl Iterator<Item = f64>) -> Range<f64> {
         return 0.0..1.0;
     }
     let room = 0.05 * (high - low);
-    // A constant needs a span too, wide enough that its ends are different numbers.
+    // A constant also needs a span, wide enough for two different ends.
     let room = if room > 1e-12 * high.abs() { room } else { 0.1 * high.abs().max(1e-9) };
     low - room..high + room
 }
 
-/// Whole decades around these values; 0.1 to 10 without any above zero.
+/// Whole decades around these values; 0.1 to 10 without positive values.
 pub fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = values
         .filter(|v| v.is_finite() && *v > 0.0)
@@ -364,14 +364,14 @@ pub fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
         return 0.1..10.0;
     }
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
-    // A hair wider, or rounding would take the outer labels away.
+    // Slightly wider: rounding would otherwise drop the outer labels.
     10f64.powi(first) * (1.0 - 1e-9)..10f64.powi(last.max(first + 1)) * (1.0 + 1e-9)
 }
 
-/// Of a plot that takes half the page's width [px].
+/// Size of a plot over half the width of the page [px].
 pub const SIZE: (u32, u32) = (560, 360);
 
-/// A vertical line that the legend does not name.
+/// A vertical line without a name in the legend.
 pub fn rule(colour: RGBColor, x: f64) -> Series {
     Series { name: String::new(), colour, mark: Mark::Rule, points: vec![(x, 0.0)] }
 }

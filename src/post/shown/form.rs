@@ -1,7 +1,7 @@
-//! A shape by itself: drawn from three sides and aslant, each piece in its own colour, and as a surface.
+//! Drawings of a single shape: from three sides and obliquely, each piece in its own colour, and its surface.
 //!
-//! Triangles are drawn from the farthest to the nearest, in parallel light from above and the left. Those of unions are cut to a fifth of
-//! the size, and left out within other pieces.
+//! Triangles are drawn from the farthest to the nearest, in parallel light from above and the left. Triangles of unions are
+//! divided to a fifth of the bounding radius, and left out within other pieces.
 
 use super::side::scale_bar;
 use crate::math::{Mat3, Vec3};
@@ -11,7 +11,7 @@ use crate::shape::Shape;
 use crate::shape::union::Piece;
 use std::fmt::Write;
 
-/// Red, green and blue of the first piece, of the second, and so on, over again.
+/// Red, green and blue of the pieces, repeated in this order.
 const COLOURS: [[f64; 3]; 6] = [
     [127.0, 176.0, 212.0],
     [227.0, 178.0, 60.0],
@@ -26,17 +26,17 @@ const HALF: f64 = 120.0;
 const MARGIN: f64 = 12.0;
 const HEAD: f64 = 26.0;
 const FOOT: f64 = 34.0;
-/// A side of a triangle of a piece is no longer than this part of the bounding radius.
+/// Largest side of a triangle of a piece, over the bounding radius.
 const FINE: f64 = 0.2;
 
-/// The surface of a shape, by pieces; one piece if it is no union.
+/// Surface of a shape, by pieces; one piece if it is not a union.
 #[derive(Clone, Debug)]
 pub struct Form {
     shape: Shape,
     pieces: Vec<Surface>,
 }
 
-/// A triangle that may be seen: its corners in the axes of the shape [m], its outward normal, and its piece.
+/// A triangle that may be visible: its corners in the axes of the shape [m], its outward normal, and its piece.
 struct Triangle {
     corners: [Vec3; 3],
     normal: Vec3,
@@ -44,7 +44,7 @@ struct Triangle {
 }
 
 impl Form {
-    /// Of a shape.
+    /// Form of a shape.
     pub fn of(shape: &Shape) -> Self {
         let of_piece = |piece: &Piece| Surface::of_piece(piece, Detail::default());
         let pieces = match shape {
@@ -80,7 +80,7 @@ impl Form {
         }
     }
 
-    /// Four panels at one scale, with a bar: along y, along -x, from above, and aslant.
+    /// Four panels at one scale, with a scale bar: along y, along -x, from above, and obliquely.
     pub fn svg(&self) -> String {
         let radius = self.shape.bounding_radius();
         let (width, height) = (4.0 * 2.0 * HALF + 5.0 * MARGIN, 2.0 * HALF + HEAD + FOOT);
@@ -116,7 +116,7 @@ impl Form {
         out
     }
 
-    /// What may be seen of all pieces.
+    /// Triangles of all pieces that may be visible.
     fn triangles(&self) -> Vec<Triangle> {
         let longest = FINE * self.shape.bounding_radius();
         let mut all = Vec::new();
@@ -136,7 +136,7 @@ impl Form {
         all
     }
 
-    /// Halves a triangle of a union until it is small, and leaves out what another piece holds.
+    /// Halves a triangle of a union until it is small, and leaves out parts within other pieces.
     fn divide(&self, triangle: Triangle, longest: f64, into: &mut Vec<Triangle>) {
         let Shape::Union(body) = &self.shape else {
             into.push(triangle);
@@ -164,8 +164,8 @@ impl Form {
     }
 }
 
-/// Triangles that face the viewer, the farthest first; `seen` turns into axes to the right, up and towards the viewer. Those of one colour that
-/// follow each other are one path.
+/// Draws the triangles that face the viewer, the farthest first; `seen` rotates into axes to the right, up and towards the
+/// viewer. Consecutive triangles of one colour are one path.
 fn panel(triangles: &[Triangle], seen: &Mat3, scale: f64, out: &mut String) {
     let light = Vec3::new(-0.4, 0.6, 0.7).normalize();
     let mut drawn: Vec<(f64, String, String)> = Vec::new();

@@ -1,4 +1,4 @@
-//! Pictures, curves and the page of a snapshot: what there is to look at. Numbers come from the files of [`crate::post`].
+//! Pictures, curves and the page of a snapshot. Numbers come from the files of [`crate::post`].
 
 pub mod draw;
 pub mod form;

@@ -1,5 +1,5 @@
-//! One HTML page with the numbers and the plots of a post-processing: it stands alone (plots and style
-//! inside, no scripts), and follows the reader's light or dark setting.
+//! One HTML page with the numbers and the plots of a post-processing. It is self-contained (plots and style inside, no
+//! scripts), and follows the reader's light or dark setting.
 
 use super::draw::PlotError;
 use super::panels::panels;
@@ -14,8 +14,8 @@ use crate::post::region::Bounds;
 use crate::post::report::{Report, readable};
 use std::fmt::Write;
 
-/// All plots of a series, in the order of the page: those over the series, then those of its last
-/// snapshot, with what stands where in it, then the history of the run, with these walls and targets of their stresses.
+/// All plots of a series, in the order of the page: plots over the series, plots and views of its last snapshot, and
+/// the history of the run with these walls and targets of their stresses.
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -60,7 +60,7 @@ pub fn plots(
     Ok(drawn)
 }
 
-/// The page. `reports` are those of a series, in its order; the numbers on top are the last one's.
+/// The page. `reports` are those of a series, in order; the numbers on top are those of the last.
 pub fn page(title: &str, reports: &[Report], plots: &[Plot]) -> String {
     let mut out = String::new();
     let _ = write!(
@@ -127,7 +127,7 @@ fn head(out: &mut String, title: &str, report: &Report) {
     out.push_str("</header>\n");
 }
 
-/// A box by its sides [m], as a report has it.
+/// Text with the sides of a box [m].
 pub fn sides(bounds: &Bounds) -> String {
     let side = |k: usize| format!("{}…{}", readable(bounds.low[k]), readable(bounds.high[k]));
     format!("x {}, y {}, z {} m", side(0), side(1), side(2))
@@ -188,10 +188,10 @@ fn series(out: &mut String, reports: &[Report]) {
     out.push_str("</table>\n</section>\n");
 }
 
-/// Text with the characters that HTML reads as its own replaced.
+/// Text with the special characters of HTML replaced.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Plots are drawn in the light colours; in the dark their ink, grid and paper are set again here.
+/// Plots are drawn in the light colours; the style sheet replaces their ink, grid and paper in the dark.
 const STYLE: &str = include_str!("page.css");

@@ -1,5 +1,4 @@
-//! The plots of a run's history: curves that belong together share a panel, and columns that nobody
-//! here knows get a small one each.
+//! Plots of a run's history: related curves share a panel, and unknown columns get a small one each.
 
 use super::draw::{
     Axes, BLUE, GREEN, INK, MUTED, Mark, ORANGE, PURPLE, PlotError, SIZE, Series, VERMILION, chart,
@@ -16,18 +15,18 @@ use std::collections::BTreeSet;
 /// Colours of curves in a panel, in order.
 const PALETTE: [RGBColor; 6] = [BLUE, ORANGE, VERMILION, GREEN, PURPLE, INK];
 
-/// Points drawn per curve, about.
+/// Approximate number of points drawn per curve.
 const POINTS: usize = 800;
 
-/// What a logarithmic axis leaves out: values below this share of the largest. The energies of a run
-/// span some seven decades; what lies below these is rounding.
+/// Smallest value on a logarithmic axis, over the largest. The energies of a run span some seven decades; smaller values
+/// are rounding.
 const NOISE: f64 = 1e-10;
 
-/// Larger magnitudes are left out, and smaller ones on logarithmic axes: axes have room around their
-/// values, which must stay finite.
+/// Largest magnitude drawn; its inverse is the smallest on a logarithmic axis. Axes have room around their values, which
+/// must stay finite.
 const LARGEST: f64 = 1e100;
 
-/// How values are drawn.
+/// Scale of the values.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Scale {
     Linear,
@@ -139,7 +138,7 @@ const PANELS: [Panel; 9] = [
     },
 ];
 
-/// Of walls that stand across an axis.
+/// Displacements of walls across an axis.
 const WAYS: Panel = Panel {
     name: "wall_ways",
     title: "Ways of walls",
@@ -149,7 +148,7 @@ const WAYS: Panel = Panel {
     columns: &[],
 };
 
-/// Of a sheared cell: what its columns begin with.
+/// Prefixes of the columns of a sheared cell, with their panels.
 const OF_THE_CELL: [(&str, Panel); 2] = [
     (
         "contact",
@@ -175,13 +174,13 @@ const OF_THE_CELL: [(&str, Panel); 2] = [
     ),
 ];
 
-/// Columns that no panel shows: parts of the kinetic energy, a part of the balance that comes and goes, and energies whose
-/// zero is a convention.
+/// Columns without a panel: parts of the kinetic energy, an alternating part of the balance, and energies with an
+/// arbitrary zero.
 const LEFT_OUT: [&str; 5] =
     ["translation_J", "rotation_J", "step_energy_J", "gravity_J", "received_J"];
 
-/// The panels of a history, without those in which nothing ever changes. `walls` say which way a load
-/// on a wall points, `targets` which stress walls shall keep.
+/// Panels of a history, without those in which nothing changes. `walls` give the direction of the load on a wall,
+/// `targets` the requested stresses.
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -202,7 +201,7 @@ pub fn panels(
     rest.retain(|curve| !LEFT_OUT.contains(&curve.name.as_str()));
 
     let loads: Vec<Curve> = walls.iter().filter_map(|wall| wall_load(wall, &mut rest)).collect();
-    // Walls beyond the colours there are go on in a further panel.
+    // Walls in excess of the colours continue in a further panel.
     for loads in loads.chunks(PALETTE.len()) {
         let panel = Panel {
             name: "wall_loads",
@@ -242,14 +241,14 @@ pub fn panels(
     Ok(plots)
 }
 
-/// Takes the curve of this name out of those that are left.
+/// Removes the curve of this name from the remaining ones.
 fn take<'a>(rest: &mut Vec<&'a Curve>, name: &str) -> Option<&'a Curve> {
     let place = rest.iter().position(|curve| curve.name == name)?;
     Some(rest.remove(place))
 }
 
-/// The load on a wall [N], if all components of its force are left: against its normal, which points
-/// towards the particles. Walls that turn, and those of triangles or several planes, have none.
+/// Load on a wall [N], if all components of its force remain: against its normal, which points towards the particles.
+/// Walls that turn, and walls of triangles or several planes, have none.
 fn wall_load(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
     let turned = format!("turned_{}_x_rad", wall.name);
     let turns = rest.iter().any(|curve| curve.name == turned);
@@ -272,7 +271,7 @@ fn wall_load(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
     Some(Curve { name: wall.name.clone(), points })
 }
 
-/// How far a wall across an axis has come inwards [m].
+/// Inward displacement of a wall across an axis [m].
 fn wall_way(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
     let curve = take(rest, &format!("place_{}_m", wall.name))?;
     let (_, first) = *curve.points.first()?;
@@ -281,7 +280,7 @@ fn wall_way(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
     Some(Curve { name: wall.name.clone(), points: points.collect() })
 }
 
-/// The stresses on walls, and the targets of those that have one.
+/// Stresses on walls, with the targets of walls that have one.
 fn wall_stresses(stresses: &[Curve], targets: &[Target]) -> Result<Option<Plot>, PlotError> {
     let is_here = |target: &&Target| stresses.iter().any(|curve| curve.name == target.wall);
     let mut targets: Vec<f64> =
@@ -305,7 +304,7 @@ fn wall_stresses(stresses: &[Curve], targets: &[Target]) -> Result<Option<Plot>,
     draw(&panel, stresses, &targets)
 }
 
-/// A panel with these curves, and level lines at `targets`; `None` if no curve ever changes or nothing can be drawn.
+/// A panel with these curves, and level lines at `targets`; `None` if no curve changes or nothing can be drawn.
 fn draw(panel: &Panel, curves: &[Curve], targets: &[f64]) -> Result<Option<Plot>, PlotError> {
     if !curves.iter().any(Curve::changes) {
         return Ok(None);
@@ -333,11 +332,11 @@ fn draw(panel: &Panel, curves: &[Curve], targets: &[f64]) -> Result<Option<Plot>
     if series.is_empty() {
         return Ok(None);
     }
-    // All panels have the same times below them, whatever they leave out.
+    // All panels have the same times below them, including times of values left out.
     let times = curves.iter().flat_map(|c| &c.points).map(|p| p.0).filter(|t| t.abs() <= LARGEST);
     let (first, last) = times
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), t| (t.min(first), t.max(last)));
-    // Below the curves, which may hide them where a servo keeps its target.
+    // Drawn first: the curves may hide the levels where a servo keeps its target.
     let levels = targets.iter().filter(|level| level.abs() <= LARGEST).map(|&level| Series {
         name: format!("target {} Pa", tick(level)),
         colour: MUTED,
@@ -363,7 +362,7 @@ fn draw(panel: &Panel, curves: &[Curve], targets: &[f64]) -> Result<Option<Plot>
     }))
 }
 
-/// A column that no panel knows; logarithmic if it is positive over four decades or more.
+/// Plot of an unknown column; logarithmic if it is positive over four decades or more.
 fn unknown(curve: &Curve) -> Result<Option<Plot>, PlotError> {
     let (low, high) = (curve.points.iter())
         .fold((f64::INFINITY, 0.0_f64), |(low, high), p| (low.min(p.1), high.max(p.1)));
@@ -381,7 +380,7 @@ fn unknown(curve: &Curve) -> Result<Option<Plot>, PlotError> {
     draw(&panel, &[Curve { name: String::new(), points: curve.points.clone() }], &[])
 }
 
-/// A column's name as words and its unit: `kinetic_energy_j` is "kinetic energy" in "J".
+/// Name of a column as words, and its unit: `kinetic_energy_j` is "kinetic energy" in "J".
 fn words_and_unit(name: &str) -> (String, Option<&'static str>) {
     const UNITS: [(&str, &str); 15] = [
         ("_m_per_s", "m/s"),
@@ -402,7 +401,7 @@ fn words_and_unit(name: &str) -> (String, Option<&'static str>) {
     ];
     let name = name.to_lowercase();
     let of = UNITS.iter().filter_map(|(end, unit)| Some((name.strip_suffix(end)?, *unit)));
-    // The longest ending that fits leaves the shortest name.
+    // The longest matching ending leaves the shortest name.
     match of.min_by_key(|(stem, _)| stem.len()) {
         Some((stem, unit)) => (stem.replace('_', " "), Some(unit)),
         None => (name.replace('_', " "), None),
@@ -415,7 +414,7 @@ fn sentence(words: &str) -> String {
     letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
-/// A name that every file system takes: `force_-x_x_N` becomes `force_minus_x_x_n`.
+/// A name valid on every file system: `force_-x_x_N` becomes `force_minus_x_x_n`.
 fn file_name(column: &str) -> String {
     let mut name = String::new();
     for letter in column.chars() {

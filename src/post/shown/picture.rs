@@ -1,13 +1,11 @@
-//! A picture of the packing from the side: an orthographic view along +y (x to the right, z up), in
-//! which every grain is drawn as its silhouette: that of an ellipsoid exactly, any other to a hundredth of the
-//! grain's size.
+//! Picture of the packing from the side: an orthographic view along +y (x to the right, z up). Every particle is drawn as
+//! its silhouette, exactly for an ellipsoid, to a hundredth of its size for other shapes.
 //!
-//! The silhouette of a convex body is the convex hull of its support points along directions across the view.
-//! That of an ellipsoid with the matrix `A` (see [`crate::shape::Form`]) is the ellipse of the 2 × 2 block of `A`;
-//! it is written as an SVG ellipse, for a polygon is five times as long.
+//! The silhouette of a convex body is the convex hull of its support points along directions across the view. The
+//! silhouette of an ellipsoid with the matrix `A` (see [`crate::shape::Form`]) is the ellipse of the 2 × 2 block of `A`. It
+//! is written as an SVG ellipse, because a polygon is five times as long.
 //!
-//! On bodies with faces those that are seen are drawn, too, unless there are very many grains: of rounded ones what is flat
-//! of them.
+//! Visible faces are drawn, too, unless there are very many particles: for rounded bodies the flat parts.
 
 use super::side::scale_bar;
 use crate::contact::Posed;
@@ -22,26 +20,26 @@ use nalgebra::{Matrix2, Vector2};
 use std::cmp::Ordering;
 use std::fmt::Write;
 
-/// The grains nearest to the viewer.
+/// The particles nearest to the viewer.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
     grains: Vec<Grain>,
-    /// The nearest of the grains that were left out: none behind it is needed.
+    /// Nearest of the particles that were left out: none behind it is needed.
     left_out: Option<Depth>,
 }
 
 #[derive(Clone, Debug)]
 struct Grain {
     depth: Depth,
-    /// x and z [m].
+    /// x and z of the centre [m].
     centre: [f64; 2],
     outline: Outline,
-    /// Those that are seen.
+    /// Visible faces.
     faces: Vec<Face>,
     contacts: i32,
 }
 
-/// The y of the centre [m], then the id, so that a picture does not depend on the order of rows.
+/// Order by the y of the centre [m], then by id, so that a picture does not depend on the order of rows.
 #[derive(Clone, Copy, Debug)]
 struct Depth(f64, GlobalId);
 
@@ -51,13 +49,13 @@ impl Depth {
     }
 }
 
-/// A silhouette about the grain's centre.
+/// Silhouette about the centre of a particle.
 #[derive(Clone, Debug)]
 enum Outline {
     Ellipse {
         /// The longer one first [m].
         semi_axes: [f64; 2],
-        /// From x to the first of them, towards z [degrees].
+        /// Angle from x to the longer one, towards z [degrees].
         angle: f64,
     },
     /// Corners (x, z), counter-clockwise [m].
@@ -80,7 +78,7 @@ impl Outline {
         }
     }
 
-    /// The largest distance from the centre [m].
+    /// Largest distance from the centre [m].
     fn reach(&self) -> f64 {
         match self {
             Self::Ellipse { semi_axes: [long, _], .. } => *long,
@@ -89,8 +87,8 @@ impl Outline {
     }
 }
 
-/// The silhouette of a body: its ends along x and z, and, as long as it bulges out of a side by more than a
-/// hundredth of its size, the farthest point there.
+/// Silhouette of a body: its ends along x and z, and the farthest point beyond each side of the polygon. Sides that bulge
+/// by less than a hundredth of the body's size have no further point.
 fn polygon(body: &Posed) -> Vec<Vector2<f64>> {
     const BULGE: f64 = 0.01;
     let farthest = |x: f64, z: f64| {
@@ -100,7 +98,7 @@ fn polygon(body: &Posed) -> Vec<Vector2<f64>> {
     let ends = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)].map(|(x, z)| farthest(x, z));
     let least = BULGE * body.bounding_radius();
     let mut corners = Vec::new();
-    // Sides that still have to be looked at, the next one last.
+    // Sides still to be examined, the next one last.
     let mut sides: Vec<_> = (0..4).rev().map(|k| [ends[k], ends[(k + 1) % 4]]).collect();
     while let Some([from, to]) = sides.pop() {
         let side = to - from;
@@ -119,20 +117,20 @@ fn polygon(body: &Posed) -> Vec<Vector2<f64>> {
     corners
 }
 
-/// What is flat of a body, seen from the side.
+/// A flat part of a body, seen from the side.
 #[derive(Clone, Debug)]
 struct Face {
-    /// x and z from the grain's centre [m].
+    /// x and z from the centre of the particle [m].
     corners: Vec<Vector2<f64>>,
-    /// How dark it is: 0 if it faces the light, 1 if it turns away.
+    /// Darkness: 0 if it faces the light, 1 if it turns away.
     shade: f64,
 }
 
-/// A face that is seen from its edge has this sine of the angle to the view at most.
+/// Largest sine of the angle between a face and the view at which it counts as seen edge-on.
 const EDGE_ON: f64 = 0.01;
 
 impl Face {
-    /// Those that the viewer sees.
+    /// Faces that the viewer sees.
     fn seen(body: &Posed) -> Vec<Self> {
         let Core::Hull(hull) = body.shape.core() else { return Vec::new() };
         let facets = hull.facets();
@@ -159,16 +157,16 @@ impl Face {
 }
 
 impl Picture {
-    /// Grains drawn at most: those with the smallest y.
+    /// Largest number of particles drawn: those with the smallest y.
     pub const LIMIT: usize = 5000;
 
-    /// Of more grains the faces are left out: a file of some megabytes.
+    /// Largest number of particles drawn with faces: a file of some megabytes.
     const MOST_WITH_FACES: usize = 1000;
 
-    /// Adds these particles if they are in the region.
+    /// Adds the particles that are in the region.
     ///
     /// # Errors
-    /// A particle that `members` does not know.
+    /// If `members` does not have the particle.
     pub fn add(
         &mut self,
         header: &Header,
@@ -185,7 +183,7 @@ impl Picture {
         Ok(())
     }
 
-    /// Adds a body with its centre there [m] and so many contacts; of a union each piece.
+    /// Adds a body with its centre [m] and number of contacts; for a union each piece.
     pub fn push(&mut self, id: GlobalId, centre: &Vec3, body: &Posed, contacts: i32) {
         if let Shape::Union(union) = body.shape {
             for piece in union.pieces() {
@@ -220,13 +218,13 @@ impl Picture {
         }
     }
 
-    /// The drawing, far grains first. Lightness goes with the number of contacts.
+    /// The drawing, far particles first. Colours darken with the number of contacts.
     pub fn svg(mut self, bounds: Option<&Bounds>) -> String {
         let frame = self.frame(bounds);
         self.svg_in(&frame)
     }
 
-    /// Sorts the grains, far ones first, and finds what holds them.
+    /// Sorts the particles, far ones first, and finds the frame around them.
     fn frame(&mut self, bounds: Option<&Bounds>) -> Frame {
         self.keep_nearest();
         self.grains.sort_by(|a, b| b.depth.nearer(&a.depth));
@@ -250,7 +248,7 @@ impl Picture {
     }
 }
 
-/// Pictures beside each other at one scale, on one floor, each under its title.
+/// Pictures beside each other at one scale, with a common floor, each under its title.
 pub fn side_by_side(pictures: Vec<(String, Picture, Option<Bounds>)>) -> String {
     const HEAD: f64 = 30.0;
     let framed = pictures.into_iter().map(|(title, mut picture, bounds)| {
@@ -288,7 +286,7 @@ pub fn side_by_side(pictures: Vec<(String, Picture, Option<Bounds>)>) -> String 
     out
 }
 
-/// Tones, each for two numbers of contacts: 0-1 (rattlers), 2-3, and so on to 12 and more.
+/// Colours, each for two numbers of contacts: 0-1 (rattlers), 2-3, and so on to 12 and more.
 const TONES: [(&str, &str); 7] = [
     ("#FDE9B8", "#E3B23C"),
     ("#DDEBF5", "#A9CBE3"),
@@ -303,16 +301,16 @@ fn tone_of(contacts: i32) -> usize {
     (contacts.max(0) as usize / 2).min(TONES.len() - 1)
 }
 
-/// From metres to the units of the drawing, which are pixels.
+/// Conversion from metres to the units of the drawing, which are pixels.
 struct Frame {
     /// Lowest x and highest z [m].
     left: f64,
     top: f64,
-    /// From there to the highest x and the lowest z [m].
+    /// Extent to the highest x and to the lowest z [m].
     extent: [f64; 2],
     /// Pixels per metre.
     scale: f64,
-    /// Room on the left, which sets a narrow packing in the middle [px].
+    /// Space on the left that centres a narrow packing [px].
     inset: f64,
     width: f64,
     height: f64,
@@ -324,7 +322,7 @@ impl Frame {
     const MARGIN: f64 = 12.0;
     const LEGEND: f64 = 66.0;
     const LONGEST: f64 = 720.0;
-    /// The legend needs as much.
+    /// Smallest width, needed by the legend [px].
     const NARROWEST: f64 = 500.0;
 
     fn around(grains: &[Grain], bounds: Option<&Bounds>) -> Self {
@@ -353,7 +351,7 @@ impl Frame {
         frame
     }
 
-    /// Sets the scale [px/m] and what follows from it.
+    /// Sets the scale [px/m] and the sizes that depend on it.
     fn scale_to(&mut self, scale: f64) {
         let [wide, tall] = self.extent.map(|length| length * scale);
         self.scale = scale;
@@ -373,7 +371,7 @@ impl Frame {
             Outline::Ellipse { semi_axes, angle } => {
                 let (x, y) = self.place(x, z);
                 let [long, short] = semi_axes.map(|s| s * self.scale);
-                // The y of SVG points down, so angles change sign.
+                // The y of SVG points down, so that angles change sign.
                 let turn = -angle;
                 let _ = write!(
                     out,
@@ -390,7 +388,7 @@ impl Frame {
         }
     }
 
-    /// What is flat of a grain, over its silhouette: dark where it turns from the light.
+    /// Draws the flat parts of a particle over its silhouette: dark where they turn from the light.
     fn draw_faces(&self, grain: &Grain, out: &mut String) {
         for Face { corners, shade } in &grain.faces {
             let _ = write!(out, r#"<path fill-opacity="{:.2}" d=""#, 0.4 * shade);
@@ -399,8 +397,8 @@ impl Frame {
         }
     }
 
-    /// A polygon about a grain's centre, in tenths of pixels, each corner relative to the one before: short, and errors
-    /// do not add up.
+    /// Writes a polygon about the centre of a particle in tenths of pixels, each corner relative to the previous one. This
+    /// is short, and errors do not accumulate.
     fn path(&self, grain: &Grain, corners: &[Vector2<f64>], out: &mut String) {
         let [x, z] = grain.centre;
         let mut tenths: Vec<_> = corners

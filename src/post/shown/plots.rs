@@ -1,4 +1,4 @@
-//! Plots of a snapshot and of a series; every plot can be read alone and stands in the page as well.
+//! Plots of a snapshot and of a series; each is a file of its own and also on the page.
 
 use super::draw::{
     Axes, BLUE, INK, Mark, ORANGE, PlotError, SIZE, Series, VERMILION, chart, decades, linear,
@@ -9,33 +9,33 @@ use crate::post::forces::Histogram;
 use crate::post::report::{Report, Summary, readable};
 use plotters::style::RGBColor;
 
-/// How much of the width of a page a plot takes; of a narrow page every one takes all.
+/// Share of the width of a page that a plot takes; on a narrow page every plot takes all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
-    /// A third.
+    /// One third.
     Third,
-    /// A half.
+    /// One half.
     Half,
-    /// All.
+    /// Full width.
     Full,
 }
 
-/// A plot, ready to be shown.
+/// A finished plot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Plot {
     /// Name of its file, without the ending.
     pub name: String,
-    /// What it shows, in a few words.
+    /// Title, in a few words.
     pub title: String,
-    /// What it shows, in one sentence.
+    /// Caption of one sentence.
     pub caption: String,
-    /// How much of the page's width it takes.
+    /// Share of the width of the page.
     pub width: Width,
-    /// The drawing.
+    /// The drawing as SVG.
     pub svg: String,
 }
 
-/// How many particles have how many contacts (fig. 11 of Lai et al. 2021).
+/// Distribution of the number of contacts per particle (fig. 11 of Lai et al. 2021).
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -60,7 +60,7 @@ pub fn coordination(coordination: &Coordination) -> Result<Plot, PlotError> {
     })
 }
 
-/// Shares of particles by number of contacts, several counts beside each other.
+/// Shares of particles by number of contacts, several distributions beside each other.
 pub fn bars(counted: &[(&str, RGBColor, &CoordinationNumbers)]) -> (Axes, Vec<Series>) {
     let width = 0.84 / counted.len().max(1) as f64;
     let left = -0.5 * (counted.len() as f64 - 1.0);
@@ -99,7 +99,7 @@ pub fn force_distribution(normal: &Histogram, shear: &Histogram) -> Result<Plot,
     })
 }
 
-/// A sentence on what is above the last bin of histograms with the same edges; none if nothing is.
+/// A sentence on values above the last bin of histograms with the same edges; empty without such values.
 fn beyond(histograms: &[(&str, &Histogram)], unit: &str) -> String {
     let share = |&(what, histogram): &(&str, &Histogram)| {
         Some(format!("{} % of the {what}", readable(100.0 * histogram.share_above()?)))
@@ -114,7 +114,7 @@ fn beyond(histograms: &[(&str, &Histogram)], unit: &str) -> String {
     }
 }
 
-/// The same by logarithm of the force, which shows the weak contacts (fig. 13 of Lai et al. 2021).
+/// Distribution by the logarithm of the force, which shows the weak contacts (fig. 13 of Lai et al. 2021).
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -172,7 +172,7 @@ fn force_series(
     histograms.iter().map(of_one).collect()
 }
 
-/// How much of their friction contacts use.
+/// Distribution of mobilised friction.
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -229,8 +229,8 @@ const OVER_A_SERIES: [Wanted; 6] = [
     ),
 ];
 
-/// Stress, strain, density, coordination and anisotropy over a series of snapshots (fig. 10 of Lai et
-/// al. 2021): against the shear strain if the packing is sheared, else against axial strain if it is strained, else against time.
+/// Stress, strain, density, coordination and anisotropy over a series of snapshots (fig. 10 of Lai et al. 2021). They are drawn
+/// against the shear strain if the packing is sheared, otherwise against axial strain if it is strained, otherwise against time.
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -240,7 +240,7 @@ pub fn series(reports: &[Report]) -> Result<Vec<Plot>, PlotError> {
     };
     let (x_label, against, pick_x): (_, _, fn(&Summary) -> Option<f64>) = if is(|s| s.shear_strain)
     {
-        // Of the first snapshot there is none.
+        // The first snapshot has no shear strain.
         ("shear strain", "shear strain", |s| Some(s.shear_strain.unwrap_or_default()))
     } else if is(|s| s.axial_strain) {
         ("axial strain (%)", "axial strain", |s| s.axial_strain.map(|strain| 100.0 * strain))

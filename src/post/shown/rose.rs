@@ -11,8 +11,8 @@ use crate::post::report::{Report, readable};
 use plotters::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
-/// The three roses of figs. 12 and 14 of Lai et al. 2021: contact normals, normal forces and shear
-/// forces by their angle to the vertical.
+/// The three roses of figs. 12 and 14 of Lai et al. 2021: contact normals, normal forces and shear forces by
+/// their angle to the vertical.
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -50,8 +50,7 @@ pub fn roses(report: &Report) -> Result<Vec<Plot>, PlotError> {
 /// Width of a rose [px].
 const SIDE: i32 = 344;
 
-/// The roses of several packings, a row for each, with its name if it has one. Roses below each other have one
-/// scale.
+/// Roses of several packings, a row for each, with its name if it has one. Roses in one column have one scale.
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -116,7 +115,7 @@ fn petals(report: &Report) -> [Petals; 3] {
     ]
 }
 
-/// The fit at angles from 0 to π/2.
+/// Values of the fit at angles from 0 to π/2.
 fn curve(fit: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
     (0..=45).map(|k| f64::from(k) / 45.0 * FRAC_PI_2).map(|angle| (angle, fit(angle))).collect()
 }
@@ -125,7 +124,7 @@ fn curve(fit: impl Fn(f64) -> f64) -> Vec<(f64, f64)> {
 struct Petals {
     title: &'static str,
     degree: String,
-    /// The mean over all directions, drawn as a darker ring.
+    /// Mean over all directions, drawn as a darker ring.
     mean: Option<f64>,
     bins: Vec<f64>,
     fit: Option<Vec<(f64, f64)>>,
@@ -135,13 +134,13 @@ impl Petals {
     const RADIUS: i32 = 132;
     const QUADRANTS: [(f64, f64); 4] = [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)];
 
-    /// The longest radius.
+    /// Largest radius.
     fn largest(&self) -> f64 {
         let fit = self.fit.iter().flatten().map(|p| p.1.abs());
         self.bins.iter().map(|b| b.abs()).chain(fit).chain(self.mean).fold(0.0, f64::max)
     }
 
-    /// `largest` is the radius that the rings must hold.
+    /// Draws the rose; `largest` is the radius that the rings must hold.
     fn draw(&self, canvas: &Canvas, centre: (i32, i32), largest: f64) -> Result<(), PlotError> {
         let step = nice_step(largest);
         let rings = ((largest / step).ceil() as i32).max(1);
@@ -164,7 +163,7 @@ impl Petals {
                 let arc = (0..=8).map(|i| from + Rose::STEP * f64::from(i) / 8.0);
                 let mut wedge = vec![centre];
                 wedge.extend(arc.map(|angle| at(angle, bin.abs(), (right, up))));
-                // Shear forces towards the horizontal are shown by colour.
+                // Shear forces towards the horizontal are negative and have another colour.
                 let colour = if bin < 0.0 { ORANGE } else { BLUE };
                 canvas.draw(&Polygon::new(wedge.clone(), colour.mix(0.35)))?;
                 wedge.push(centre);
@@ -194,14 +193,14 @@ impl Petals {
         label(canvas, "vertical ↑, horizontal →", (foot.0, foot.1), 12, MUTED, Anchor::Middle)
     }
 
-    /// What it shows, above it.
+    /// Draws title and degree above the rose.
     fn head(&self, canvas: &Canvas, centre: (i32, i32)) -> Result<(), PlotError> {
         label(canvas, self.title, (centre.0, centre.1 - px(188)), 14, INK, Anchor::Middle)?;
         label(canvas, &self.degree, (centre.0, centre.1 - px(166)), 13, MUTED, Anchor::Middle)
     }
 }
 
-/// Rings at steps of 1, 2 or 5 times a power of ten, at most four of them.
+/// Steps of the rings: 1, 2 or 5 times a power of ten, with at most four rings.
 fn nice_step(largest: f64) -> f64 {
     if !(largest.is_finite() && largest > 1e-12) {
         return 1.0;

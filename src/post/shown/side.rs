@@ -1,17 +1,17 @@
-//! Drawings from the side, along +y: x to the right, z up. A bar says how long things are.
+//! Drawings from the side, along +y: x to the right, z up, with a scale bar.
 
 use super::draw::{scientific, tick};
 use crate::post::region::Bounds;
 use std::fmt::Write;
 
-/// From metres to pixels, around a box.
+/// Conversion from metres to pixels, around a box.
 pub(super) struct Side {
     left: f64,
     top: f64,
     /// Pixels per metre.
     pub(super) scale: f64,
     size: [f64; 2],
-    /// Room on the left, which sets a narrow box in the middle [px].
+    /// Space on the left that centres a narrow box [px].
     inset: f64,
 }
 
@@ -21,7 +21,7 @@ impl Side {
     const LONGEST: f64 = 420.0;
     const NARROWEST: f64 = 360.0;
 
-    /// Around a box.
+    /// Conversion around a box.
     pub(super) fn around(bounds: &Bounds) -> Self {
         let lengths = bounds.lengths();
         let scale = Self::LONGEST / lengths.x.max(lengths.z);
@@ -55,7 +55,7 @@ impl Side {
         );
     }
 
-    /// Ends it with a bar, and words beside.
+    /// Ends the drawing with a scale bar, and words beside it.
     pub(super) fn close(&self, words: &str, out: &mut String) {
         let [width, height] = self.size;
         let y = height - 14.0;
@@ -70,8 +70,8 @@ impl Side {
     }
 }
 
-/// Draws a bar of a round length, at most `most` pixels long, from this point to the right, with its length behind. Returns
-/// about where that ends.
+/// Draws a bar of a round length, at most `most` pixels long, from this point to the right, followed by its length. Returns
+/// about where the text ends.
 pub(super) fn scale_bar(scale: f64, most: f64, [x, y]: [f64; 2], out: &mut String) -> f64 {
     let (mantissa, exponent) = scientific(most / scale);
     let step = [5.0, 2.0, 1.0].into_iter().find(|step| *step <= mantissa).unwrap_or(1.0);
@@ -92,6 +92,6 @@ fn length(metres: f64) -> String {
     let units = [(1e3, "km"), (1.0, "m"), (1e-2, "cm"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm")];
     let fits = |(unit, _): &&(f64, &str)| metres >= 0.999 * unit;
     let (unit, name) = units.iter().find(fits).unwrap_or(&units[5]);
-    // Of a quotient of powers of ten that is not quite whole.
+    // Rounded: a quotient of powers of ten is not exactly whole.
     format!("{} {name}", tick((metres / unit * 1e6).round() / 1e6))
 }

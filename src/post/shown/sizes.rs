@@ -1,4 +1,4 @@
-//! Which sizes the particles of a run have beside those that its scene asks for, from the run's report.
+//! Sizes of the particles of a run beside the distribution requested by its scene, from the run's report.
 
 use super::draw::{Axes, BLUE, Mark, ORANGE, PlotError, SIZE, Series, chart, linear};
 use super::plots::{Plot, Width};
@@ -7,14 +7,14 @@ use crate::output::report::Report;
 use crate::output::report::sizes::{Below, SizesOf};
 use std::path::Path;
 
-/// What the report in a run's directory has of sizes; nothing if there is no report, or one that cannot be read.
+/// Sizes in the report of a run's directory; empty without a readable report.
 pub fn beside(directory: &Path) -> Vec<SizesOf> {
     let text = files::read_to_string(&Report::path(directory)).unwrap_or_default();
     let report: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
     serde_json::from_value(report["sizes"].clone()).unwrap_or_default()
 }
 
-/// The cumulative curves of each shape.
+/// Cumulative curves of each shape.
 ///
 /// # Errors
 /// See [`PlotError`].

@@ -1,4 +1,5 @@
-//! Packings and tests, so many at a time, a core each. What is done is not run again; what was stopped goes on.
+//! Packings and tests, `jobs` at a time, on one core each. Finished ones are not run again; interrupted ones
+//! continue.
 
 use crate::record::store;
 use crate::simulation::{Signals, program, run};
@@ -10,31 +11,31 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::Mutex;
 
-/// A packing or a test, as its folder and its rows in tables are named.
+/// A packing or a test; its name is used for its folder and in tables.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// How contacts are resolved.
+    /// Method of contact resolution.
     pub method: Method,
-    /// The first erosion ratio; 0: none.
+    /// First erosion ratio; 0 without erosion.
     pub ratio: &'static str,
-    /// Of contacts [N/m].
+    /// Stiffness of contacts [N/m].
     pub stiffness: &'static str,
-    /// Of the packing.
+    /// Seed of the packing.
     pub seed: u64,
 }
 
 impl Case {
-    /// All that names it, with this between.
+    /// Name, with `between` between its parts.
     pub fn name(&self, between: &str) -> String {
         let Self { method, ratio, stiffness, seed } = self;
         [method.folder(), ratio, stiffness, &seed.to_string()].join(between)
     }
 }
 
-/// Does something for each of these, as soon as one of `jobs` threads is free. The first failure ends the others.
+/// Calls `act` for each item, as soon as one of `jobs` threads is free. The first failure ends the others.
 ///
 /// # Errors
-/// The first one.
+/// The first error of `act`.
 pub fn each<T: Sync>(
     jobs: u32,
     all: &[T],
@@ -47,7 +48,7 @@ pub fn each<T: Sync>(
         loop {
             let Some(one) = next.lock().ok().and_then(|mut next| next.next()) else { return };
             if let Err(error) = act(one) {
-                // Nothing new is begun, and what runs writes a snapshot.
+                // No item is begun any more, and active runs write a snapshot.
                 if let (Ok(mut next), Ok(mut first)) = (next.lock(), first.lock()) {
                     *next = [].iter();
                     first.get_or_insert(error);
@@ -69,10 +70,10 @@ pub fn each<T: Sync>(
     }
 }
 
-/// Lets grains rain until they are at rest, in this folder.
+/// Simulates the rain of particles until they are at rest, in this folder.
 ///
 /// # Errors
-/// A folder of a run with other words, a run that fails or is stopped.
+/// If the folder has a run with other arguments, or a run fails or is stopped.
 pub fn settle(folder: &Path, words: &Words, signals: &Signals) -> Result<()> {
     let known = fs::read_to_string(folder.join("words")).ok();
     ensure!(

@@ -1,4 +1,4 @@
-//! The tables of triaxial tests: erosion ratio and stiffness, gravity, rate.
+//! Tables of triaxial tests: erosion ratio and stiffness, gravity, rate.
 
 use super::cases::{Case, each};
 use super::plot::Plot;
@@ -14,17 +14,17 @@ use std::path::Path;
 /// Axial strains of the plateau.
 const PLATEAU: std::ops::RangeInclusive<f64> = 0.25..=0.36;
 
-/// The report of a triaxial test: its states, and its curve.
+/// Report of a triaxial test: its states, and its curve.
 pub struct Test {
     summary: Table,
     curve: Table,
 }
 
 impl Test {
-    /// That of a folder with `summary.csv` and `fig10.csv`.
+    /// Test of a folder with `summary.csv` and `fig10.csv`.
     ///
     /// # Errors
-    /// Tables that cannot be read.
+    /// If the tables cannot be read.
     pub fn read(report: &Path) -> Result<Self> {
         let table = |name: &str| Table::read(&report.join(name));
         Ok(Self { summary: table("summary.csv")?, curve: table("fig10.csv")? })
@@ -37,7 +37,7 @@ impl Test {
         last.with_context(|| format!("no {name} of the state {state}"))
     }
 
-    /// The mean of a column of the curve over the plateau.
+    /// Mean of a column of the curve over the plateau.
     fn on_plateau(&self, name: &str) -> Result<f64> {
         let strains = self.curve.numbers("axial_strain")?;
         let values = strains.into_iter().zip(self.curve.numbers(name)?);
@@ -51,10 +51,10 @@ impl Test {
 const OF_STATES: &str =
     "axial_strain,volumetric_strain,p_pa,q_over_p,coordination,share_below_0_3_mean,solid_fraction";
 
-/// The states of a test and its plateau as rows.
+/// Adds the states of a test and its plateau as rows.
 ///
 /// # Errors
-/// Columns that are missing, a test that is not compressed to 25 %.
+/// If columns are missing, or the test is not compressed to 25 %.
 pub fn states(test: &Test, name: &str, table: &mut Table) -> Result<()> {
     let columns = || OF_STATES.split(',');
     let numbers = columns().map(|c| test.summary.numbers(c)).collect::<Result<Vec<_>>>()?;
@@ -86,7 +86,7 @@ pub fn responses() -> Table {
 /// A test as a row of [`responses`]: Z after packing, solid fraction at the start, the peak, and the plateau.
 ///
 /// # Errors
-/// As [`states`].
+/// See [`states`].
 pub fn push_response(test: &Test, name: &str, table: &mut Table) -> Result<()> {
     let mut cells = vec![
         general(test.at("packing", "coordination")?, 5),
@@ -103,7 +103,7 @@ pub fn push_response(test: &Test, name: &str, table: &mut Table) -> Result<()> {
     Ok(())
 }
 
-/// The triaxial test with stiffer and softer contacts and two erosion ratios, from packings of their own.
+/// The triaxial test with stiffer and softer contacts and two erosion ratios, each from its own packing.
 pub(super) fn response(plan: &Plan, out: &Path, signals: &Signals) -> Result<Files> {
     let mut cases = Vec::new();
     for seed in 1..=plan.seeds {
@@ -148,7 +148,7 @@ pub(super) fn response(plan: &Plan, out: &Path, signals: &Signals) -> Result<Fil
     Ok(vec![("response.csv".into(), table.text()), ("response_means.csv".into(), means.text())])
 }
 
-/// The quick triaxial test without gravity and with it, from the same packings.
+/// The quick triaxial test without and with gravity, from the same packings.
 pub(super) fn gravity(plan: &Plan, out: &Path, signals: &Signals) -> Result<Files> {
     const STATES: [(&str, bool); 2] = [("off", false), ("on", true)];
     let folder = |state: &str, seed: u64| out.join("gravity").join(format!("{state}_{seed}"));
@@ -177,7 +177,8 @@ pub(super) fn gravity(plan: &Plan, out: &Path, signals: &Signals) -> Result<File
     Ok(vec![("gravity.csv".into(), table.text()), ("gravity_means.csv".into(), means.text())])
 }
 
-/// The triaxial test of 5,120 grains at the paper's rate and ten times as fast, from one consolidated packing.
+/// The triaxial test of 5,120 particles at the paper's rate and at ten times this rate, from one consolidated
+/// packing.
 pub(super) fn rate(out: &Path, signals: &Signals) -> Result<Files> {
     let folder = |rate: u32| out.join("rate").join(rate.to_string());
     let run = |rate| {
@@ -217,7 +218,7 @@ pub(super) fn rate(out: &Path, signals: &Signals) -> Result<Files> {
 /// Strains and stress ratio of tests, by rate.
 ///
 /// # Errors
-/// Columns that are missing.
+/// If columns are missing.
 pub fn curves(tests: &[(&str, &Test)]) -> Result<Table> {
     const COLUMNS: [&str; 3] = ["axial_strain", "q_over_p", "volumetric_strain"];
     let mut table = Table::new(&format!("rate_mm_per_s,{}", COLUMNS.join(",")));
@@ -231,11 +232,11 @@ pub fn curves(tests: &[(&str, &Test)]) -> Result<Table> {
     Ok(table)
 }
 
-/// How far the curves of two tests are apart: the root mean square of the difference at the strains of the first, by
-/// linear interpolation in the second, and over the largest value (q/p) or the range (volumetric strain) of that.
+/// Difference of the curves of two tests: root mean square at the strains of the first, by linear interpolation in
+/// the second. It is also given over the largest value (q/p) or the range (volumetric strain) of the second.
 ///
 /// # Errors
-/// Columns that are missing, or a cell without a number.
+/// If columns are missing, or a cell has no number.
 pub fn apart(one: &Test, other: &Test) -> Result<Table> {
     let mut table = Table::new("curve,rms_difference,share");
     for (name, from_zero) in [("q_over_p", true), ("volumetric_strain", false)] {

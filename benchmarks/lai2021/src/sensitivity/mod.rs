@@ -1,9 +1,10 @@
-//! How the packings of section 3 depend on what the paper chose: erosion ratio and stiffness, in packings, in their rest
-//! and in their compression; the shape of the grains, gravity in the compression, the rate of the compression.
+//! Dependence of the packings of section 3 on the choices of the paper: erosion ratio and stiffness, in packings, in
+//! their rest and in their compression; the shape of the particles; gravity in the compression; the rate of the
+//! compression.
 //!
-//! | file | what it is |
+//! | file | content |
 //! |---|---|
-//! | [`cases`] | packings and tests run, so many at a time |
+//! | [`cases`] | runs of packings and tests, several at a time |
 //! | [`packings`] | the tables of packings: erosion, rest, aspect |
 //! | [`compressions`] | the tables of triaxial tests: response, gravity, rate |
 //! | [`table`] [`plot`] | tables, means, drawings |
@@ -20,7 +21,7 @@ use anyhow::Result;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 
-/// What depends on what.
+/// A question of the sensitivity study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Question {
     /// Packings by erosion ratio and stiffness
@@ -29,7 +30,7 @@ pub enum Question {
     Rest,
     /// Triaxial tests by erosion ratio and stiffness
     Response,
-    /// Packings by the shape of the grains
+    /// Packings by the shape of the particles
     Aspect,
     /// Triaxial tests with gravity and without
     Gravity,
@@ -37,22 +38,22 @@ pub enum Question {
     Rate,
 }
 
-/// What to run.
+/// Plan of the runs.
 #[derive(Args, Clone, Debug)]
 pub struct Plan {
     /// A part; may be repeated [default: all six]
     #[arg(long, value_name = "PART", value_enum)]
     pub only: Vec<Question>,
-    /// So many packings of each kind in all but rate
+    /// Packings of each kind in all parts but rate
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..))]
     pub seeds: u64,
-    /// Grains in rest and response: 600, or the paper's 5120
+    /// Particles in rest and response: 600, or the paper's 5120
     #[arg(long, value_name = "N", default_value_t = 600, value_parser = grains)]
     pub grains: u32,
-    /// Speed of the lid in response [mm/s] [default: 5, of 5120 grains 10]
+    /// Speed of the lid in response [mm/s] [default: 5, for 5120 particles 10]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=999))]
     pub lid: Option<u32>,
-    /// So many runs at a time, one core each
+    /// Runs at a time, one core each
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..))]
     pub jobs: u32,
     /// Where runs and report go [default: out/paper/sensitivity in the checkout]
@@ -79,10 +80,10 @@ impl Plan {
         self.lid.unwrap_or(if self.grains == 600 { 5 } else { 10 })
     }
 
-    /// Runs what is missing, from the checkout as current directory, and writes the tables. Says where they are.
+    /// Runs the missing cases, with the checkout as current directory, and writes the tables. Returns their folder.
     ///
     /// # Errors
-    /// A folder of a run with other words, a run that fails or is stopped, files that cannot be written or read.
+    /// If a folder has a run with other arguments, a run fails or is stopped, or a file cannot be written or read.
     pub fn run(&self, signals: &Signals) -> Result<PathBuf> {
         let out = self.out.clone().unwrap_or_else(|| "out/paper/sensitivity".into());
         let report = out.join("report");
@@ -114,5 +115,5 @@ impl Plan {
     }
 }
 
-/// A file, by its name and contents.
+/// Files, by name and content.
 type Files = Vec<(String, String)>;

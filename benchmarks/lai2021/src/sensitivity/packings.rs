@@ -1,4 +1,4 @@
-//! The tables of packings: erosion ratio and stiffness, rest, shape.
+//! Tables of packings: erosion ratio and stiffness, rest, shape.
 
 use super::cases::{Case, each, settle};
 use super::plot::Plot;
@@ -23,7 +23,7 @@ use std::path::Path;
 const CASE: &str = "method,erosion_ratio,stiffness_n_per_m,seed";
 const CASE_KEYS: [&str; 3] = ["method", "erosion_ratio", "stiffness_n_per_m"];
 
-/// A box that repeats along x and y.
+/// Settings of a box that repeats along x and y.
 fn periodic() -> Words {
     let mut words = Words::default();
     words.set("domain.periodic", "[true, true, false]");
@@ -31,7 +31,8 @@ fn periodic() -> Words {
     words
 }
 
-/// Twice the gravity of the paper's packing, for half as many layers: the same stress at the floor, which sets the overlaps.
+/// Settings with twice the gravity of the paper's packing, for half as many layers: the same stress at the floor, which
+/// determines the overlaps.
 fn half() -> Words {
     let mut words = periodic();
     words.set("fill.rain.count", GRAINS);
@@ -43,11 +44,12 @@ fn half() -> Words {
     words
 }
 
-/// Grains of [`half`].
+/// Number of particles of [`half`].
 const GRAINS: u32 = 600;
 
-/// Runs packings in folders of their own, to their rest. As the paper reads, forces jump at touch, and a packing never
-/// comes to rest: it has `restless` steps. Nor quite that of erosion alone: it rests at `shaking`, if given.
+/// Runs packings in separate folders to their rest. With GJK before erosion, forces jump at touch, and a packing never comes
+/// to rest: it has `restless` steps. A packing with erosion alone does not quite rest either: it stops at the unbalanced
+/// force `shaking`, if given.
 fn settle_all(
     plan: &Plan,
     folder: &Path,
@@ -87,7 +89,7 @@ fn measured(folder: &Path, choice: &Choice, picks: &[Pick]) -> Result<Vec<String
     Ok(picks.iter().map(cell).collect())
 }
 
-/// Erosion ratio and stiffness.
+/// Packings by erosion ratio and stiffness.
 pub(super) fn erosion(plan: &Plan, out: &Path, signals: &Signals) -> Result<Files> {
     const PICKS: [Pick; 6] = [
         |s| s.coordination,
@@ -153,19 +155,19 @@ pub(super) fn erosion(plan: &Plan, out: &Path, signals: &Signals) -> Result<File
     ])
 }
 
-/// What the common normal, the truth, and erosion say of the same pairs.
+/// Results of the common normal, which is exact, and of erosion for the same pairs.
 struct BothWays {
-    /// Contacts by the common normal.
+    /// Number of contacts by the common normal.
     touching: usize,
-    /// Those of them that erosion does not find.
+    /// Number of these that erosion does not find.
     lost: usize,
-    /// True overlap of each contact that erosion finds [m].
+    /// True overlap of each contact found by erosion [m].
     eroded: Vec<f64>,
-    /// Those of them that are none.
+    /// Number of contacts by erosion that are not contacts.
     spurious: usize,
-    /// Overlaps by erosion, summed [m].
+    /// Sum of the overlaps by erosion [m].
     sum: f64,
-    /// What they are too large, summed [m].
+    /// Sum of the excess of these overlaps [m].
     excess: f64,
 }
 
@@ -208,7 +210,8 @@ impl BothWays {
         [touching, eroded, lost, spurious, general(each, 5), general(self.excess / self.sum, 5)]
     }
 
-    /// How many contacts by erosion have a true overlap, over the mean one by erosion, from here to a fifth more.
+    /// Number of contacts by erosion in each bin of the true overlap over the mean overlap by erosion: lower edge and count,
+    /// bins of a fifth.
     fn histogram(&self) -> impl Iterator<Item = (f64, usize)> {
         let mean = self.sum / self.eroded.len() as f64;
         (-10..20).map(move |bin| {
@@ -218,8 +221,8 @@ impl BothWays {
     }
 }
 
-/// Does a packing come to rest, and what is Z meanwhile: of 600 grains as in [`erosion`], but twice as long; of 5,120 as in
-/// the paper.
+/// Approach to rest of a packing, and its Z: with 600 particles as in [`erosion`], but twice as long; with 5,120 as in the
+/// paper.
 pub(super) fn rest(plan: &Plan, out: &Path, signals: &Signals) -> Result<Files> {
     let (scene, shaking) =
         if plan.grains == GRAINS { (half(), None) } else { (Words::default(), Some(0.05)) };
@@ -252,7 +255,7 @@ pub(super) fn rest(plan: &Plan, out: &Path, signals: &Signals) -> Result<Files> 
         "unbalanced_mean",
     ];
     let means = ends.means(&CASE_KEYS, &values)?;
-    // One packing of each kind: a curve has one colour.
+    // One packing of each kind, so that a curve has one colour.
     let one = curves.with("seed", "1")?;
     let plot =
         |y, high| Plot { x: "time_s", y, by: "method", range: [0.0, high], curve: Some(0.2) };
@@ -266,9 +269,9 @@ pub(super) fn rest(plan: &Plan, out: &Path, signals: &Signals) -> Result<Files> 
     ])
 }
 
-/// From the history of a packing: Z of contacts between particles and the mean resultant force over the mean contact force,
-/// over time, ten times as far apart as the rows of the history; and what holds over the last quarter of the steps since
-/// all grains are there.
+/// Rows from the history of a packing. `curves` gets Z of contacts between particles and the mean resultant force over the
+/// mean contact force, at every tenth row of the history. `ends` gets their values over the last quarter of the steps since
+/// all particles are present.
 fn settling(
     history: &Table,
     grains: u32,
@@ -312,8 +315,9 @@ fn settling(
     Ok(())
 }
 
-/// Shape of spheroids of one volume. Less than half the paper's density: overlaps of some 1e-4 of the diameter do not
-/// count in the solid fraction. Measured from three diameters above the floor to as much below the top of the densest.
+/// Packings of spheroids of one volume by shape. The density is less than half the paper's: overlaps of some 1e-4 of the
+/// diameter do not affect the solid fraction. Measured from three diameters above the floor to as far below the top of the
+/// densest packing.
 pub(super) fn aspect(plan: &Plan, out: &Path, signals: &Signals) -> Result<Files> {
     const RATIOS: [&str; 10] = ["0.4", "0.5", "0.6", "0.8", "1", "1.25", "1.5", "1.8", "2.2", "3"];
     const FRICTIONS: [&str; 2] = ["0", "0.3"];

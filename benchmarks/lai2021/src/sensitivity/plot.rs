@@ -1,23 +1,23 @@
-//! A table as SVG.
+//! Tables as SVG plots.
 
 use super::table::{Table, general};
 use anyhow::{Context, Result};
 use std::fmt::Write;
 
-/// A column over another, a line for each value of a third.
+/// Plot of a column over another, with a line for each value of a third.
 #[derive(Clone, Copy, Debug)]
 pub struct Plot<'a> {
-    /// The column along the axis to the right.
+    /// Column of the horizontal axis.
     pub x: &'a str,
-    /// The column along the axis upwards; with a column `y_deviation` each point has a line of this length on either
+    /// Column of the vertical axis; with a column `y_deviation` each point has an error bar of this length on either
     /// side.
     pub y: &'a str,
-    /// A line for each value of this column.
+    /// Column whose values distinguish the lines.
     pub by: &'a str,
-    /// What the axis of y spans.
+    /// Range of the vertical axis.
     pub range: [f64; 2],
-    /// The axis of x is linear, without marks at the points, and numbered at multiples of this; otherwise logarithmic,
-    /// numbered at the points.
+    /// Interval of the labels of a linear horizontal axis, without marks at the points; otherwise the axis is
+    /// logarithmic, with labels at the points.
     pub curve: Option<f64>,
 }
 
@@ -29,10 +29,10 @@ const BOTTOM: f64 = 310.0;
 const COLOURS: [&str; 4] = ["#0072B2", "#E69F00", "#009E73", "#D55E00"];
 
 impl Plot<'_> {
-    /// The drawing of a table.
+    /// Plot of a table.
     ///
     /// # Errors
-    /// If a column is missing, or a cell is no number.
+    /// If a column is missing, or a cell is not a number.
     pub fn svg(&self, table: &Table) -> Result<String> {
         let numbers = |name: &str| -> Result<Vec<f64>> {
             let cells = table.numbers(name)?.into_iter().collect::<Option<Vec<f64>>>();

@@ -1,4 +1,4 @@
-//! Tables of numbers by name, and means over the rows of a kind.
+//! Tables of numbers by name, and means over rows of one kind.
 
 use crate::spread::Spread;
 use anyhow::{Context, Result};
@@ -12,15 +12,15 @@ pub struct Table {
 }
 
 impl Table {
-    /// One without rows; names separated by commas.
+    /// A table without rows; names are separated by commas.
     pub fn new(names: &str) -> Self {
         Self { names: names.split(',').map(str::to_owned).collect(), rows: Vec::new() }
     }
 
-    /// That of a file.
+    /// Table of a file.
     ///
     /// # Errors
-    /// A file that is no table.
+    /// If the file is not a table.
     pub fn read(path: &Path) -> Result<Self> {
         let place = || path.display().to_string();
         let mut reader = csv::Reader::from_path(path).with_context(place)?;
@@ -36,35 +36,35 @@ impl Table {
         self.rows.push(row);
     }
 
-    /// As CSV.
+    /// The table as CSV.
     pub fn text(&self) -> String {
         let lines = std::iter::once(&self.names).chain(&self.rows).map(|row| row.join(",") + "\n");
         lines.collect::<Vec<_>>().concat()
     }
 
-    /// The names of its columns.
+    /// Names of the columns.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.names.iter().map(String::as_str)
     }
 
-    /// Which column has this name.
+    /// Index of the column with this name.
     ///
     /// # Errors
-    /// If there is none.
+    /// If there is no such column.
     pub fn at(&self, name: &str) -> Result<usize> {
         self.names.iter().position(|n| n == name).with_context(|| format!("no column {name}"))
     }
 
-    /// The cells of a column.
+    /// Cells of a column.
     ///
     /// # Errors
-    /// If there is none.
+    /// If there is no such column.
     pub fn column(&self, name: &str) -> Result<impl Iterator<Item = &str>> {
         let at = self.at(name)?;
         Ok(self.rows.iter().map(move |row| row[at].as_str()))
     }
 
-    /// The numbers of a column; `None` where there is none.
+    /// Numbers of a column; `None` for a cell without a number.
     ///
     /// # Errors
     /// If there is no such column.
@@ -72,7 +72,7 @@ impl Table {
         Ok(self.column(name)?.map(|cell| cell.parse().ok()).collect())
     }
 
-    /// The rows with this in a column.
+    /// Rows with this cell in a column.
     ///
     /// # Errors
     /// If there is no such column.
@@ -82,8 +82,8 @@ impl Table {
         Ok(Self { names: self.names.clone(), rows })
     }
 
-    /// Means and standard deviations of columns over the rows with the same keys, in the order in which these first
-    /// appear, and how many there are. Nothing, if one of the rows has no value.
+    /// Means and standard deviations of columns over the rows with the same keys, and the number of rows. Kinds are
+    /// in the order of their first appearance. Cells are empty if one of the rows has no value.
     ///
     /// # Errors
     /// If a column is missing.
@@ -119,7 +119,7 @@ impl Table {
     }
 }
 
-/// A number with so many significant digits, as C prints it with `%g`.
+/// A number with this many significant digits, in the format `%g` of C.
 pub fn general(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();

@@ -15,7 +15,7 @@ use dem_mpi::post::draw::{
 use plotters::prelude::*;
 use std::f64::consts::TAU;
 
-/// Of one panel of three [px].
+/// Size of one of three panels [px].
 const PANEL: (u32, u32) = (380, 340);
 
 /// All figures: names of their files and the drawings.
@@ -79,7 +79,7 @@ fn case_1(study: &Study) -> Result<String, PlotError> {
             panel(canvas, &axes, &series)
         }
         _ => {
-            // Rounding, on the scale on which the other cases have errors.
+            // Rounding only, shown on the scale of the errors of the other cases.
             let series = curves(&|row| 100.0 * row.point_error_m);
             let axes = linear(OVERLAP, "error / short axis (%)", 0.0..5.0, 0.0..1.0);
             panel(canvas, &axes, &series)
@@ -87,7 +87,7 @@ fn case_1(study: &Study) -> Result<String, PlotError> {
     })
 }
 
-/// Fig. 6: the two configurations, and how the normal's error goes with the overlap.
+/// Fig. 6: the two configurations, and the error of the normal over the overlap.
 fn reason(study: &Study) -> Result<String, StudyError> {
     let colours = [BLUE, ORANGE, GREEN, VERMILION, INK];
     let by_offset: Vec<Series> = [0.2, OFFSET, 0.44, 0.5, 0.7]
@@ -127,7 +127,7 @@ fn reason(study: &Study) -> Result<String, StudyError> {
     })?)
 }
 
-/// The ellipsoids of fig. 6 in the plane, their cores, and the true and the eroded normal.
+/// The ellipsoids of fig. 6 in the plane, with their cores, the true normal and the eroded normal.
 fn sketch(canvas: &Canvas, sketched: (Vec3, Vec3, Vec3)) -> Result<(), PlotError> {
     const SCALE: f64 = 74.0;
     let outline = |centre: (i32, i32), at: Vec3, size: f64| -> Vec<(i32, i32)> {
@@ -137,7 +137,7 @@ fn sketch(canvas: &Canvas, sketched: (Vec3, Vec3, Vec3)) -> Result<(), PlotError
         };
         (0..=120).map(point).collect()
     };
-    // On top of each other both normals are the axis of symmetry.
+    // For bodies above each other both normals are the axis of symmetry.
     let on_top = (Vec3::new(0.0, 1.0 - SKETCHED_OVERLAP, 0.0), Vec3::y(), Vec3::y());
     let places = [(px(120), px(110)), (px(190), px(285))];
     for ((r, exact, eroded), centre) in [sketched, on_top].into_iter().zip(places) {
@@ -159,7 +159,7 @@ fn sketch(canvas: &Canvas, sketched: (Vec3, Vec3, Vec3)) -> Result<(), PlotError
     label(canvas, "normal of the cores", (px(120), px(20)), 12, VERMILION, Anchor::Left)
 }
 
-/// Metres in the plane to units of the drawing, y up.
+/// Converts metres in the plane to units of the drawing, with y up.
 fn project(centre: (i32, i32), scale: f64, at: Vec3) -> (i32, i32) {
     let unit = scale * f64::from(FINE);
     (centre.0 + (unit * at.x).round() as i32, centre.1 - (unit * at.y).round() as i32)
@@ -176,7 +176,7 @@ fn case_2(rows: &[InCase2]) -> Result<String, PlotError> {
     three(maps.map(|(title, _)| title), |k, canvas| map(canvas, rows, maps[k].1))
 }
 
-/// A map with its scale of colours. Every row of the table is the middle of a field.
+/// A map with its scale of colours. Every row of the table is the centre of a field.
 fn map(canvas: &Canvas, rows: &[InCase2], pick: fn(&InCase2) -> f64) -> Result<(), PlotError> {
     const STEPS: usize = 48;
     let (left, right, top, bottom) = (72, 312, 14, 290);
@@ -227,7 +227,7 @@ fn map(canvas: &Canvas, rows: &[InCase2], pick: fn(&InCase2) -> f64) -> Result<(
     Ok(())
 }
 
-/// White to blue to ink as `part` goes from 0 to 1.
+/// Colour from white through blue to ink for `part` from 0 to 1.
 fn shade(part: f64) -> RGBColor {
     let mix = |from: RGBColor, to: RGBColor, part: f64| {
         let channel =
@@ -237,7 +237,7 @@ fn shade(part: f64) -> RGBColor {
     if part < 0.6 { mix(WHITE, BLUE, part / 0.6) } else { mix(BLUE, INK, (part - 0.6) / 0.4) }
 }
 
-/// Values in the order of their first coming.
+/// Distinct values in the order of first appearance.
 fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut seen = Vec::new();
     for value in values {
@@ -248,7 +248,7 @@ fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {
     seen
 }
 
-/// Fig. 8: the distributions of the errors of random pairs.
+/// Fig. 8: distributions of the errors of random pairs.
 fn case_3(study: &Study) -> Result<String, PlotError> {
     let shown = [("5 %", EROSION, BLUE), ("1 %", FINE_EROSION, GREEN), ("EPA", EPA, ORANGE)];
     let titles = ["(a) overlap", "(b) contact normal", "(c) contact point"];

@@ -1,15 +1,15 @@
-//! Section 2 of Lai et al. (2021) regenerated: what erosion costs a single contact, and what it saves.
+//! Section 2 of Lai et al. (2021) regenerated: errors and time of erosion for a single contact.
 //!
-//! Figures 5, 6, 7 and 8 and table 1, each beside what the paper says of it. The exact answers are those of
-//! the common-normal method, which agrees with 50-digit references to rounding
-//! (`tests/contact/reference.rs`); the erosion is 5 % of each body, 1 % more until they are apart.
+//! Figures 5, 6, 7 and 8 and table 1, each beside the statements of the paper. The exact results are those
+//! of the common-normal method, which agrees with 50-digit references to rounding
+//! (`tests/contact/reference.rs`). Erosion is 5 % of each body, and 1 % more until they are apart.
 //!
-//! | file | what it is |
+//! | file | content |
 //! |---|---|
 //! | [`study`] | the cases resolved: tables of errors and times |
-//! | [`statistics`] | of the errors of random pairs |
+//! | [`statistics`] | statistics of the errors of random pairs |
 //! | [`figures`] | the tables as drawings |
-//! | [`report`] | the paper's statements, this code's numbers, verdicts |
+//! | [`report`] | the paper's statements, numbers of this code, verdicts |
 
 pub mod figures;
 pub mod report;
@@ -25,13 +25,13 @@ use dem_mpi::post::draw::PlotError;
 use dem_mpi::post::report::csv;
 use std::path::Path;
 
-/// How much of it to do.
+/// Extent of the section.
 #[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
     /// Random pairs of Case III, touching and apart each; the paper has a million
     #[arg(long, default_value_t = 1_000_000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
     pub count: u32,
-    /// Of the random pairs: the same seed gives the same pairs on every machine
+    /// Seed of the random pairs: the same seed gives the same pairs on every machine
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Measurements of each time of table 1, of which the median counts
@@ -39,14 +39,14 @@ pub struct Plan {
     pub repeats: u32,
 }
 
-/// Written last.
+/// File that is written last.
 const MACHINE: &str = "machine.txt";
 
 impl Plan {
-    /// Regenerates the section in this folder, with `machine.txt`, from the checkout as current directory.
+    /// Regenerates the section in this folder, with `machine.txt`, with the checkout as current directory.
     ///
     /// # Errors
-    /// See [`StudyError`]; files that cannot be written.
+    /// See [`StudyError`]; also if a file cannot be written.
     pub fn run(&self, out: &Path) -> Result<()> {
         store(out, &regenerate(self)?)?;
         let text = machine(&self.command(), &format!(", load {}", load(1)));
@@ -54,7 +54,7 @@ impl Plan {
         store(out, &[(MACHINE.into(), text)])
     }
 
-    /// Does this folder have the section by this plan, whatever the commit?
+    /// Whether this folder has the section by this plan, for any commit.
     pub fn is_done(&self, out: &Path) -> bool {
         let text = std::fs::read_to_string(out.join(MACHINE));
         text.is_ok_and(|text| text.lines().any(|line| line.ends_with(&self.command())))
@@ -66,17 +66,17 @@ impl Plan {
     }
 }
 
-/// Why the section could not be regenerated.
+/// Errors of the section.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
-    /// A pair has no answer.
+    /// A pair has no result.
     #[error("{method} gives no answer for {pair}: {why:?}")]
     Unresolved {
         /// The method.
         method: &'static str,
-        /// The pair's name.
+        /// Name of the pair.
         pair: String,
-        /// What it says.
+        /// Reason given by the method.
         why: Why,
     },
     /// A figure could not be drawn.

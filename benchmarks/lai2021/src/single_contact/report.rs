@@ -1,4 +1,5 @@
-//! The paper's statements, this code's numbers beside them, and verdicts that follow from the numbers.
+//! Statements of the paper, numbers of this code beside them, and verdicts that follow from the
+//! numbers.
 
 use super::Plan;
 use super::statistics::{Summary, mean, share};
@@ -12,7 +13,7 @@ use dem_mpi::contact::{Epa, ErodedGjk};
 use dem_mpi::post::report::readable;
 use std::fmt::Write;
 
-/// The page of the section, as Markdown.
+/// Page of the section, as Markdown.
 pub fn report(study: &Study, plan: &Plan) -> String {
     let mut page = format!(
         "# Section 2 of Lai et al. (2021), regenerated\n\n\
@@ -38,7 +39,7 @@ pub fn report(study: &Study, plan: &Plan) -> String {
     page
 }
 
-/// All findings with erosion read both ways.
+/// All findings with both readings of erosion.
 pub fn rows(study: &Study) -> Vec<Row> {
     let mut rows = Vec::new();
     for reading in Reading::ALL {
@@ -50,7 +51,7 @@ pub fn rows(study: &Study) -> Vec<Row> {
     rows
 }
 
-/// Findings that belong together.
+/// Findings on one topic.
 struct Topic {
     title: &'static str,
     /// The figure, as Markdown.
@@ -121,7 +122,7 @@ findings below are of *GJK-erosion*; `findings.csv` has both.\n";
 const CHECKS: &str = "\
 Section 4 of the paper states these; its section 2 does not.\n";
 
-/// A clearance below is none [m].
+/// Clearance that counts as zero [m].
 const ROUNDING: f64 = 1e-12;
 
 fn case_1(study: &Study, reading: Reading) -> Vec<Finding> {
@@ -141,17 +142,17 @@ fn case_1(study: &Study, reading: Reading) -> Vec<Finding> {
     findings
 }
 
-/// The largest of a number of all rows; 0 if none is positive.
+/// Largest value of a number over all rows; 0 if none is positive.
 fn largest(rows: &[&InCase1], pick: fn(&InCase1) -> f64) -> f64 {
     rows.iter().map(|row| pick(row)).fold(0.0, f64::max)
 }
 
-/// Does a number fall from each row to the next?
+/// Whether a number decreases from each row to the next.
 fn falls(rows: &[&InCase1], pick: fn(&InCase1) -> f64) -> bool {
     rows.windows(2).all(|w| pick(w[1]) < pick(w[0]))
 }
 
-/// `twice` is the overlap at which the relative error is 100 % [m].
+/// Findings on overlaps; `twice` is the overlap at which the relative error is 100 % [m].
 fn overlaps_in_case_1(rows: &[&InCase1], twice: f64) -> Vec<Finding> {
     let (first, last) = (rows[0], rows[rows.len() - 1]);
     let excess = |row: &InCase1| row.overlap_found_m - row.overlap_m;
@@ -226,7 +227,7 @@ fn normals_in_case_1(rows: &[&InCase1]) -> [Finding; 2] {
     ]
 }
 
-/// `clearance` is the largest at which a pair is found touching [m].
+/// Finding on spurious contacts; `clearance` is the largest at which a pair is found touching [m].
 fn spurious(clearance: f64) -> Finding {
     Finding {
         name: "spurious",
@@ -241,10 +242,10 @@ fn spurious(clearance: f64) -> Finding {
     }
 }
 
-/// What section 4 concludes beyond section 2.
+/// Conclusions of section 4 that go beyond section 2.
 fn checks(study: &Study) -> Vec<Finding> {
     let with = |ratio| move |row: &&InCase1| row.erosion_ratio == ratio;
-    // Not the first, whose overlap is zero.
+    // The second row: the first has an overlap of zero.
     let small = study.case_1.iter().filter(with(RATIO)).nth(1);
     let mut ratios = Study::RATIOS.to_vec();
     ratios.sort_by(f64::total_cmp);
@@ -323,10 +324,10 @@ fn reason(study: &Study) -> Vec<Finding> {
     ]
 }
 
-/// A number of a pair in case II.
+/// Selects a number of a pair in Case II.
 type Pick = fn(&InCase2) -> f64;
 
-/// The rows of case II for each long axis of 1, 2, 3, 4 m.
+/// Rows of Case II for each long axis of 1, 2, 3, 4 m.
 struct ByLongAxis<'a>([Vec<&'a InCase2>; 4]);
 
 impl<'a> ByLongAxis<'a> {
@@ -337,7 +338,7 @@ impl<'a> ByLongAxis<'a> {
         }))
     }
 
-    /// The row with the largest of a number, for each long axis.
+    /// For each long axis the row with the largest value of a number.
     fn worst(&self, pick: Pick) -> [&'a InCase2; 4] {
         self.0.each_ref().map(|rows| {
             rows.iter().fold(rows[0], |best, row| if pick(row) > pick(best) { *row } else { best })
@@ -348,24 +349,24 @@ impl<'a> ByLongAxis<'a> {
         self.worst(pick).windows(2).all(|w| pick(w[1]) > pick(w[0]))
     }
 
-    /// The largest of a number for each long axis, in multiples of `1 / unit`.
+    /// Largest value of a number for each long axis, in multiples of `1 / unit`.
     fn in_words(&self, pick: Pick, unit: f64) -> String {
         self.worst(pick).map(|row| format!("{:.2}", unit * pick(row))).join(" / ")
     }
 
-    /// The angle of the largest of a number for the long axes of 2, 3, 4 m.
+    /// Angle of the largest value of a number for the long axes of 2, 3, 4 m.
     fn angles(&self, pick: Pick) -> String {
         let [_, longer @ ..] = self.worst(pick);
         longer.map(|row| format!("{}°", row.angle_deg)).join(", ")
     }
 
-    /// Are these angles, as angles between axes, in a range [degrees]?
+    /// Whether these angles, as angles between axes, are in a range [degrees].
     fn are_near(&self, pick: Pick, low: f64, high: f64) -> bool {
         self.worst(pick)[1..].iter().all(|row| (low..=high).contains(&between_axes(row)))
     }
 }
 
-/// The angle between the axes [degrees], at most 90.
+/// Angle between the axes [degrees], at most 90.
 fn between_axes(row: &InCase2) -> f64 {
     row.angle_deg.min(180.0 - row.angle_deg)
 }
@@ -457,7 +458,7 @@ fn points_in_case_2(rows: &[InCase2], whole: &ByLongAxis) -> [Finding; 4] {
     ]
 }
 
-/// The pairs of case III drawn in one way and resolved by one method.
+/// Results of the pairs of Case III with one sampling and one method.
 fn in_case_3<'a>(study: &'a Study, sampling: &str, method: &str) -> &'a InCase3 {
     let wanted = |c: &&InCase3| c.sampling == sampling && c.method == method;
     study.case_3.iter().find(wanted).expect("the study has all its cases")
@@ -471,7 +472,7 @@ fn percent(share: f64) -> String {
     format!("{} %", readable(100.0 * share))
 }
 
-/// The verdict on a bound: it holds for all, for nearly all, or not.
+/// Verdict on a bound that holds for all, for nearly all, or for neither.
 fn as_a_bound(all: bool, nearly: bool) -> Verdict {
     match (all, nearly) {
         (true, _) => Verdict::Yes,
@@ -495,7 +496,7 @@ fn overlaps_in_case_3(study: &Study) -> Vec<Finding> {
     let [overlap_n, ..] = normals.summaries();
     let [overlap_fine, normal_fine, _] = fine.summaries();
     let inside = |c: &InCase3| share(&c.overlap, 1e-5, 10.0);
-    // About: within a factor of two.
+    // "About" means within a factor of two.
     let about = |s: &Summary| (0.5e-3..2e-3).contains(&s.log_mean);
     vec![
         Finding {
@@ -663,7 +664,7 @@ fn table_1(rows: &[Times]) -> String {
     table
 }
 
-/// The row of a method with this tolerance.
+/// Row of a method with this tolerance.
 fn row<'a>(rows: &'a [Times], method: &str, tolerance: Option<f64>) -> &'a Times {
     let wanted = |t: &&Times| t.method == method && t.tolerance == tolerance;
     rows.iter().find(wanted).expect("the study has all its methods")

@@ -1,21 +1,21 @@
-//! Numbers that describe many errors.
+//! Statistics of errors.
 
 use serde::Serialize;
 
 /// Mean, percentiles and extremes of errors, in their own unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// How the pairs were drawn.
+    /// Sampling of the pairs.
     pub sampling: &'static str,
-    /// What resolved them.
+    /// Method of contact resolution.
     pub method: &'static str,
-    /// What is wrong by so much.
+    /// Quantity with the error.
     pub quantity: &'static str,
-    /// How many pairs.
+    /// Number of pairs.
     pub count: usize,
-    /// 10 to the mean decimal logarithm of those that are not zero.
+    /// 10 to the mean decimal logarithm of the errors that are not zero.
     pub log_mean: f64,
-    /// Of the decimal logarithms: 0 for a log-normal distribution.
+    /// Skewness of the decimal logarithms: 0 for a log-normal distribution.
     pub log_skewness: f64,
     /// Arithmetic mean.
     pub mean: f64,
@@ -29,12 +29,12 @@ pub struct Summary {
     pub p99: f64,
     /// 99.9th percentile.
     pub p99_9: f64,
-    /// The largest.
+    /// Largest error.
     pub max: f64,
 }
 
 impl Summary {
-    /// Of these errors, none of them negative.
+    /// Summary of these errors, none of them negative.
     pub fn of(
         sampling: &'static str,
         method: &'static str,
@@ -64,26 +64,25 @@ impl Summary {
     }
 }
 
-/// The arithmetic mean; NaN of nothing.
+/// Arithmetic mean; NaN without values.
 pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0_usize), |(sum, count), v| (sum + v, count + 1));
     sum / count as f64
 }
 
-/// A percentile of sorted values: the one at or below that place, so that it is one of them; NaN of nothing.
+/// Percentile of sorted values: the value at or below that place; NaN without values.
 pub fn percentile(sorted: &[f64], percent: f64) -> f64 {
     let last = sorted.len().saturating_sub(1);
     sorted.get((percent / 100.0 * last as f64).floor() as usize).copied().unwrap_or(f64::NAN)
 }
 
-/// The part of values within `low..=high`.
+/// Share of values within `low..=high`.
 pub fn share(values: &[f64], low: f64, high: f64) -> f64 {
     let inside = values.iter().filter(|v| (low..=high).contains(*v)).count();
     inside as f64 / values.len() as f64
 }
 
-/// Share of positive values per decade, in bins of a tenth of a decade that hold any: the middle of the bin,
-/// and the density.
+/// Share of positive values per decade: centre and density of each non-empty bin of a tenth of a decade.
 pub fn per_decade(values: &[f64]) -> Vec<(f64, f64)> {
     const BINS: f64 = 10.0;
     let mut counts = std::collections::BTreeMap::<i32, usize>::new();

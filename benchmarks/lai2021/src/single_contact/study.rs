@@ -1,4 +1,4 @@
-//! The cases of section 2 resolved by every method, and the errors of eqs. 1 to 3.
+//! Cases of section 2 resolved by every method, and the errors of eqs. 1 to 3.
 
 use super::statistics::{Summary, per_decade};
 use super::{Plan, StudyError};
@@ -11,7 +11,7 @@ use serde::Serialize;
 
 /// Erosion ratio of the paper.
 pub const RATIO: f64 = 0.05;
-/// Relative duality gap of GJK where errors are measured: what is left is the erosion's.
+/// Relative duality gap of GJK for the measurement of errors: the remaining error is that of erosion.
 pub const TIGHT: f64 = 1e-14;
 
 /// Erosion that begins at `ratio`, with GJK run to rounding.
@@ -24,12 +24,12 @@ const fn tight(ratio: f64, reading: Reading) -> ErodedGjk {
     ErodedGjk { ratio, increment: 0.01, tolerance: TIGHT, spurious }
 }
 
-/// How far a method is off.
+/// Errors of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Errors {
     /// True overlap [m].
     pub overlap_m: f64,
-    /// The overlap found [m].
+    /// Overlap found [m].
     pub overlap_found_m: f64,
     /// Relative error of the overlap, eq. 1; infinite at touch.
     pub relative_overlap_error: f64,
@@ -40,9 +40,9 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Of a touch, given the true one.
+    /// Errors of a touch relative to the exact one.
     pub fn of(found: &Touch, exact: &Touch) -> Self {
-        // As the angle of an arc cosine has a floor of 1.5e-8 rad.
+        // By an arc tangent: an arc cosine has an error of 1.5e-8 rad.
         let sine = found.normal.cross(&exact.normal).norm();
         Self {
             overlap_m: exact.overlap,
@@ -54,7 +54,7 @@ impl Errors {
     }
 }
 
-/// The touches of all pairs; negative overlaps where they are apart.
+/// Touches of all pairs; negative overlaps if they are apart.
 fn touches(pairs: &Pairs, method: &Method) -> Result<Vec<Touch>, StudyError> {
     let answers = resolve(pairs, method).into_iter().enumerate();
     answers
@@ -68,7 +68,7 @@ fn touches(pairs: &Pairs, method: &Method) -> Result<Vec<Touch>, StudyError> {
         .collect()
 }
 
-/// The errors of a method on every pair.
+/// Errors of a method on every pair.
 ///
 /// # Errors
 /// See [`StudyError::Unresolved`].
@@ -85,7 +85,7 @@ pub struct InCase1 {
     pub erosion_ratio: f64,
     /// True overlap [m]; short axis 1 m.
     pub overlap_m: f64,
-    /// The overlap found [m].
+    /// Overlap found [m].
     pub overlap_found_m: f64,
     /// See [`Errors`].
     pub relative_overlap_error: f64,
@@ -95,7 +95,7 @@ pub struct InCase1 {
     pub point_error_m: f64,
 }
 
-/// Case I for one erosion ratio; overlaps as aimed at, which the pairs have to rounding [m].
+/// Case I for one erosion ratio, with the requested overlaps, which the pairs have up to rounding [m].
 ///
 /// # Errors
 /// See [`StudyError::Unresolved`].
@@ -112,10 +112,10 @@ pub fn case_1(ratio: f64, overlaps: &[f64]) -> Result<Vec<InCase1>, StudyError> 
     Ok(overlaps.iter().zip(&errors).map(row).collect())
 }
 
-/// A row of fig. 6: Case I with B's centre elsewhere along y.
+/// A row of fig. 6: Case I with the centre of B at other places along y.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct AtOffset {
-    /// B's centre along y [m].
+    /// Centre of B along y [m].
     pub y_m: f64,
     /// True overlap [m].
     pub overlap_m: f64,
@@ -123,7 +123,7 @@ pub struct AtOffset {
     pub normal_error_deg: f64,
 }
 
-/// The normal's error at an offset, for each overlap [m].
+/// Error of the normal at an offset, for each overlap [m].
 ///
 /// # Errors
 /// See [`StudyError::Unresolved`].
@@ -142,7 +142,7 @@ pub fn at_offset(y: f64, overlaps: &[f64]) -> Result<Vec<AtOffset>, StudyError> 
 pub struct InCase2 {
     /// Length of the long axis [m]; short axes 1 m.
     pub long_axis_m: f64,
-    /// Between the long axes [°].
+    /// Angle between the long axes [°].
     pub angle_deg: f64,
     /// See [`Errors`].
     pub relative_overlap_error: f64,
@@ -169,22 +169,22 @@ pub fn case_2(ratio: f64, axes: &[f64], angles: &[f64]) -> Result<Vec<InCase2>, 
     Ok(grid.zip(&errors).map(row).collect())
 }
 
-/// The errors of random pairs under one method.
+/// Errors of random pairs with one method.
 pub struct InCase3 {
-    /// How the pairs were drawn.
+    /// Sampling of the pairs.
     pub sampling: &'static str,
-    /// What resolved them.
+    /// Method of contact resolution.
     pub method: &'static str,
-    /// Relative, without sign.
+    /// Relative errors of the overlap, without sign.
     pub overlap: Vec<f64>,
-    /// Angles [°].
+    /// Angles between the normals [°].
     pub normal: Vec<f64>,
     /// Distances of the contact points [m].
     pub point: Vec<f64>,
 }
 
 impl InCase3 {
-    /// Of these pairs under `method`.
+    /// Errors of these pairs with `method`.
     ///
     /// # Errors
     /// See [`StudyError::Unresolved`].
@@ -213,7 +213,7 @@ impl InCase3 {
         ]
     }
 
-    /// What describes them.
+    /// Statistics of the three errors.
     pub fn summaries(&self) -> [Summary; 3] {
         self.quantities()
             .map(|(quantity, errors)| Summary::of(self.sampling, self.method, quantity, errors))
@@ -223,50 +223,50 @@ impl InCase3 {
 /// A row of fig. 8: a bin of a tenth of a decade.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Density {
-    /// How the pairs were drawn.
+    /// Sampling of the pairs.
     pub sampling: &'static str,
-    /// What resolved them.
+    /// Method of contact resolution.
     pub method: &'static str,
-    /// What is wrong.
+    /// Quantity with the error.
     pub quantity: &'static str,
-    /// By so much: the middle of the bin.
+    /// Error at the centre of the bin.
     pub error: f64,
-    /// In how large a part of the pairs, per decade of the error.
+    /// Share of the pairs per decade of the error.
     pub share_per_decade: f64,
 }
 
 /// A row of table 1.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Times {
-    /// What the pairs are.
+    /// Kind of the bodies.
     pub bodies: &'static str,
-    /// What resolves them.
+    /// Method of contact resolution.
     pub method: &'static str,
-    /// The method's tolerance; empty if it needs none.
+    /// Tolerance of the method; empty if it needs none.
     pub tolerance: Option<f64>,
-    /// Overlap 0 to 0.05 m, one by one without a guess [ns].
+    /// Time per pair with an overlap of 0 to 0.05 m, one by one without a guess [ns].
     pub contact_ns: f64,
-    /// The same from a normal that is off by 1e-4 [ns].
+    /// Time per such pair from a normal that is off by 1e-4 [ns].
     pub contact_warm_ns: f64,
-    /// The same, all pairs at once [ns].
+    /// Time per such pair in a batch [ns].
     pub contact_batched_ns: f64,
-    /// Clearance 0 to 1 m, one by one without a guess [ns].
+    /// Time per pair with a clearance of 0 to 1 m, one by one without a guess [ns].
     pub non_contact_ns: f64,
-    /// The same, all pairs at once [ns].
+    /// Time per such pair in a batch [ns].
     pub non_contact_batched_ns: f64,
 }
 
-/// Everything of section 2.
+/// Results of section 2.
 pub struct Study {
     /// Fig. 5, for each first erosion ratio.
     pub case_1: Vec<InCase1>,
-    /// The overlap at which the overlap found is twice the true one [m].
+    /// Overlap at which the overlap found is twice the true one [m].
     pub twice: f64,
-    /// Clearance below which pairs of Case I are called touching [m], for each [`Reading`] of erosion.
+    /// Clearance below which pairs of Case I are found touching [m], for each [`Reading`] of erosion.
     pub spurious: [f64; 2],
     /// Fig. 6 by offset.
     pub offsets: Vec<AtOffset>,
-    /// Fig. 6: Case I as B goes on towards A.
+    /// Fig. 6: Case I with B further towards A.
     pub deeper: Vec<AtOffset>,
     /// Fig. 7.
     pub case_2: Vec<InCase2>,
@@ -277,10 +277,10 @@ pub struct Study {
 }
 
 impl Study {
-    /// Erosion ratios of fig. 5: the paper's, and those that the 1 % rule is for.
+    /// Erosion ratios of fig. 5: that of the paper, 2 % and 1 %.
     pub const RATIOS: [f64; 3] = [RATIO, 0.02, 0.01];
 
-    /// Computes everything.
+    /// Computes all results.
     ///
     /// # Errors
     /// See [`StudyError`].
@@ -308,7 +308,7 @@ impl Study {
         })
     }
 
-    /// The rows of fig. 8.
+    /// Rows of fig. 8.
     pub fn distributions(&self) -> Vec<Density> {
         let mut rows = Vec::new();
         for case in &self.case_3 {
@@ -322,13 +322,13 @@ impl Study {
         rows
     }
 
-    /// What describes the distributions of fig. 8.
+    /// Statistics of the distributions of fig. 8.
     pub fn summaries(&self) -> Vec<Summary> {
         self.case_3.iter().flat_map(InCase3::summaries).collect()
     }
 }
 
-/// Clearance below which erosion calls pairs of Case I touching [m].
+/// Clearance below which erosion finds pairs of Case I touching [m].
 fn spurious(reading: Reading) -> Result<f64, StudyError> {
     let method = Method::GjkErosion(tight(RATIO, reading));
     root(0.0, 1e-2, |clearance| {
@@ -337,7 +337,7 @@ fn spurious(reading: Reading) -> Result<f64, StudyError> {
     })
 }
 
-/// Where a function that is positive at `low` and negative at `high` changes its sign.
+/// Root of a function that is positive at `low` and negative at `high`.
 fn root(
     mut low: f64,
     mut high: f64,
@@ -355,7 +355,7 @@ fn root(
     Ok(0.5 * (low + high))
 }
 
-/// Names of fig. 8.
+/// Names in fig. 8.
 pub const CENTRE_LINE: &str = "centre line uniform";
 /// See [`CENTRE_LINE`].
 pub const NORMAL: &str = "normal uniform";
@@ -386,7 +386,7 @@ fn in_case_3(plan: &Plan) -> Result<Vec<InCase3>, StudyError> {
     ])
 }
 
-/// Table 1, the paper's rows and this code's.
+/// Rows of table 1, of the paper and of this code.
 fn times(plan: &Plan) -> Vec<Times> {
     let draw =
         |meeting| cases::case_3(meeting, Sampling::CentreLine, plan.count as usize, plan.seed);
@@ -435,20 +435,20 @@ fn times(plan: &Plan) -> Vec<Times> {
     ]
 }
 
-/// Overlap of the sketch of fig. 6 [m]: the largest of Case I.
+/// Overlap in the sketch of fig. 6 [m]: the largest of Case I.
 pub const SKETCHED_OVERLAP: f64 = 0.05;
 
-/// Erosion in table 1, read as [`Reading::Alone`].
+/// Name in table 1 of erosion with [`Reading::Alone`].
 pub const ALONE: &str = "GJK-erosion";
-/// Read as [`Reading::Checked`].
+/// Name in table 1 of erosion with [`Reading::Checked`].
 pub const CHECKED: &str = "GJK + GJK-erosion";
 
-/// Bodies of table 1.
+/// Bodies in table 1.
 pub const ELLIPSOIDS: &str = "ellipsoids";
 /// See [`ELLIPSOIDS`].
 pub const SPHERES: &str = "spheres";
 
-/// The pair sketched in fig. 6: the place of B seen from A [m], the true normal, and that of the cores.
+/// The pair sketched in fig. 6: position of B relative to A [m], true normal, and normal of the cores.
 ///
 /// # Errors
 /// See [`StudyError::Unresolved`].

@@ -6,7 +6,7 @@ use crate::findings::{Kind, Reading, Row, Verdict};
 struct Conclusion {
     name: &'static str,
     statement: &'static str,
-    /// The names of the findings that it rests on.
+    /// Names of the findings on which it rests.
     rests_on: &'static [&'static str],
 }
 
@@ -68,7 +68,7 @@ const CONCLUSIONS: [Conclusion; 11] = [
     },
 ];
 
-/// Section 4, from the rows of the other sections.
+/// Rows of section 4, from those of the other sections.
 pub fn rows(findings: &[Row]) -> Vec<Row> {
     let all = Reading::ALL.into_iter();
     all.flat_map(|reading| {
@@ -77,7 +77,7 @@ pub fn rows(findings: &[Row]) -> Vec<Row> {
                 findings.iter().find(|row| row.name == *name && row.reading == reading)
             };
             let found: Vec<&Row> = conclusion.rests_on.iter().filter_map(find).collect();
-            // One that does not reproduce is enough; otherwise all must be known.
+            // One finding that does not reproduce is enough; otherwise all must be known.
             let is_whole = found.len() == conclusion.rests_on.len()
                 && found.iter().all(|row| row.verdict != Verdict::Untold);
             let here: Vec<String> = found

@@ -1,12 +1,12 @@
-//! All statements of Lai et al. (2021) with their verdicts: those of sections 2 and 3 from the findings of
-//! [`crate::single_contact`] and [`crate::triaxial`], what section 3.4 predicts from the tables of the sensitivity
-//! study, and the conclusions of section 4, which follow from the others.
+//! All statements of Lai et al. (2021) with their verdicts. Sections 2 and 3 follow from the findings of
+//! [`crate::single_contact`] and [`crate::triaxial`]. The predictions of section 3.4 follow from the tables of the
+//! sensitivity study. The conclusions of section 4 follow from the others.
 //!
-//! Left out are advice (how to choose the erosion ratio) and likeness by eye (the curves are those of medium dense sand).
+//! Advice (the choice of the erosion ratio) and visual similarity (to curves of medium dense sand) are left out.
 //!
-//! | file | what it is |
+//! | file | content |
 //! |---|---|
-//! | [`predictions`] | what section 3.4 predicts of softer grains |
+//! | [`predictions`] | predictions of section 3.4 on softer particles |
 //! | [`conclusions`] | section 4 |
 
 pub mod conclusions;
@@ -17,24 +17,24 @@ use dem_mpi::post::report::csv;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Why there is no table of statements.
+/// Errors of the table of statements.
 #[derive(Debug, thiserror::Error)]
 pub enum StatementsError {
-    /// Nothing to put together.
+    /// There are no findings.
     #[error(
         "no findings.csv in {}: lai2021 section-2 and section-3 write one",
         folders.iter().map(|folder| folder.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     Nothing {
-        /// Where it was looked for.
+        /// Searched folders.
         folders: Vec<PathBuf>,
     },
-    /// A table that is there cannot be read.
+    /// An existing table cannot be read.
     #[error("cannot read {path}: {cause}", path = path.display())]
     Unreadable {
-        /// The table.
+        /// Path of the table.
         path: PathBuf,
-        /// What is wrong.
+        /// Cause of the error.
         cause: csv::Error,
     },
     /// The table could not be written.
@@ -42,7 +42,7 @@ pub enum StatementsError {
     Table(#[from] csv::Error),
 }
 
-/// `statements.csv` and `statements.md`, names and contents, from folders that hold `findings.csv` or tables of the
+/// Names and contents of `statements.csv` and `statements.md`, from folders with `findings.csv` or tables of the
 /// sensitivity study.
 ///
 /// # Errors
@@ -64,12 +64,12 @@ pub fn regenerate(folders: &[PathBuf]) -> Result<Vec<(String, String)>, Statemen
     rows.extend(predictions::rows(&packings, &responses));
     let conclusions = conclusions::rows(&rows);
     rows.extend(conclusions);
-    // By section; of one section in the order of its own report.
+    // By section; within a section in the order of its own report.
     rows.sort_by_key(|row| section(row).to_string());
     Ok(vec![("statements.csv".into(), csv(&rows)?), ("statements.md".into(), page(&rows))])
 }
 
-/// The rows of a table; none if there is no such file.
+/// Rows of a table; empty if the file does not exist.
 fn table<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Vec<T>, StatementsError> {
     let unreadable = |cause| StatementsError::Unreadable { path: path.to_path_buf(), cause };
     if !path.exists() {
@@ -79,13 +79,13 @@ fn table<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Vec<T>, Statemen
     reader.deserialize().collect::<Result<_, _>>().map_err(unreadable)
 }
 
-/// The section of the paper: the digits before the first point or blank. Checks of this code's have none.
+/// Section of the paper: the digits before the first point or blank. Checks of this code have none.
 fn section(row: &Row) -> &str {
     let end = row.part.find(|c: char| !c.is_ascii_digit()).unwrap_or(row.part.len());
     &row.part[..end]
 }
 
-/// How many statements have each verdict, best first.
+/// Number of statements with each verdict, the best first.
 pub fn counts<'a>(rows: impl Iterator<Item = &'a Row>) -> [usize; 4] {
     let mut counts = [0; 4];
     for row in rows {

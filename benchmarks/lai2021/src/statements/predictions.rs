@@ -1,4 +1,4 @@
-//! What section 3.4 predicts of grains of reduced stiffness, from means over packings: `erosion_means.csv` and
+//! Predictions of section 3.4 on particles of reduced stiffness, tested on means over packings: `erosion_means.csv` and
 //! `response_means.csv` of `run/paper/sensitivity/run`.
 
 use crate::findings::{Kind, Reading, Row, Verdict};
@@ -8,40 +8,40 @@ use serde::Deserialize;
 /// A row of `erosion_means.csv`.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Packing {
-    /// As the folders of runs are named.
+    /// Method, named like the folders of runs.
     pub method: String,
-    /// The first; 0: none.
+    /// First erosion ratio; 0 without erosion.
     pub erosion_ratio: f64,
-    /// Of contacts [N/m].
+    /// Stiffness of contacts [N/m].
     pub stiffness_n_per_m: f64,
-    /// How many there are of this kind.
+    /// Number of packings of this kind.
     pub packings: u32,
     /// Mean coordination number.
     pub coordination: f64,
-    /// Its standard deviation from packing to packing.
+    /// Standard deviation of the coordination number between packings.
     pub coordination_deviation: f64,
 }
 
 /// A row of `response_means.csv`.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Response {
-    /// As the folders of runs are named.
+    /// Method, named like the folders of runs.
     pub method: String,
-    /// The first; 0: none.
+    /// First erosion ratio; 0 without erosion.
     pub erosion_ratio: f64,
-    /// Of contacts [N/m].
+    /// Stiffness of contacts [N/m].
     pub stiffness_n_per_m: f64,
     /// Largest `q/p`.
     pub peak_q_over_p: f64,
     /// Mean `q/p` over axial strains of 25 to 36 %.
     pub plateau_q_over_p: f64,
-    /// The same of the volumetric strain.
+    /// Mean volumetric strain over axial strains of 25 to 36 %.
     pub plateau_volumetric_strain: f64,
     /// Anisotropy of contact normals at the peak.
     pub peak_a_c: f64,
 }
 
-/// The paper's first erosion ratio.
+/// First erosion ratio of the paper.
 const RATIO: f64 = 0.05;
 const EXACT: &str = "common-normal";
 const PART: &str = "3.4 Reduced stiffness (predicted)";
@@ -53,7 +53,7 @@ const fn folder(reading: Reading) -> &'static str {
     }
 }
 
-/// The predictions with erosion read both ways.
+/// Predictions with both readings of erosion.
 pub fn rows(packings: &[Packing], responses: &[Response]) -> Vec<Row> {
     let mut rows = Vec::new();
     for reading in Reading::ALL {
@@ -87,7 +87,7 @@ pub fn rows(packings: &[Packing], responses: &[Response]) -> Vec<Row> {
     rows
 }
 
-/// The least stiffness and the largest, if there are two.
+/// The smallest and the largest stiffness, if there are two.
 fn ends(stiffnesses: impl Iterator<Item = f64> + Clone) -> Option<(f64, f64)> {
     let low = stiffnesses.clone().reduce(f64::min)?;
     let high = stiffnesses.reduce(f64::max)?;
@@ -96,7 +96,7 @@ fn ends(stiffnesses: impl Iterator<Item = f64> + Clone) -> Option<(f64, f64)> {
 
 fn coordination(packings: &[Packing], reading: Reading) -> Option<(String, Verdict)> {
     let (soft, hard) = ends(packings.iter().map(|row| row.stiffness_n_per_m))?;
-    // How many contacts too few, and the standard error of that.
+    // Loss of contacts per particle, and its standard error.
     let loss = |stiffness: f64| {
         let of = |method: &str, ratio: f64| {
             let is = |row: &&Packing| {
@@ -116,7 +116,7 @@ fn coordination(packings: &[Packing], reading: Reading) -> Option<(String, Verdi
         "by {first:.2} ± {error:.2} at {hard:.1e} N/m, by {then:.2} ± {error_then:.2} at {soft:.1e} N/m"
     );
     let verdict = match then.abs() / first.abs() {
-        // Then there is no decrease that could become less.
+        // Then there is no loss that could become smaller.
         _ if first < 0.1 => Verdict::No,
         ..=0.5 => Verdict::Yes,
         ..1.0 => Verdict::Nearly,
@@ -126,8 +126,8 @@ fn coordination(packings: &[Packing], reading: Reading) -> Option<(String, Verdi
 }
 
 fn response(responses: &[Response], reading: Reading) -> Option<(String, Verdict)> {
-    // As for the stiffness of the paper: relative differences that are negligible, and nearly so. A volumetric strain near
-    // zero is held against one of 5 %.
+    // Limits of relative differences that are negligible, and nearly so, as for the stiffness of the paper. A volumetric
+    // strain near zero is compared with one of 5 %.
     type Pick = fn(&Response) -> f64;
     const VOLUMETRIC: &str = "volumetric strain there";
     const QUANTITIES: [(&str, Pick, f64, f64); 4] = [

@@ -1,5 +1,5 @@
-//! What contacts cost in the compression, beside what the same pairs cost by themselves: 1,000 steps on two ranks from
-//! a snapshot at about 10 % strain, of each method that has runs. On a machine that does nothing else.
+//! Cost of contacts in the compression, beside that of the same pairs alone: 1,000 steps on two ranks from a snapshot
+//! at about 10 % strain, for each method that has runs. The machine must do nothing else.
 
 use super::Method;
 use crate::packed::Packed;
@@ -16,10 +16,10 @@ use std::fmt::Write;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-/// How to measure.
+/// Plan of the measurement.
 #[derive(Args, Clone, Debug)]
 pub struct Plan {
-    /// So many times in turn; medians count
+    /// Repetitions in turn; medians count
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
     pub rounds: u32,
     /// The folder of the runs of `triaxial` [default: out/paper/triaxial in the checkout]
@@ -29,14 +29,14 @@ pub struct Plan {
 
 const RANKS: u32 = 2;
 const STEPS: u64 = 1000;
-/// Of the time of pairs by themselves, of which the median counts.
+/// Repeats of the timing of pairs alone, of which the median counts.
 const REPEATS: usize = 15;
 
-/// The state in which a method is measured.
+/// State in which a method is measured.
 struct State {
     method: Method,
     snapshot: PathBuf,
-    /// Pairs that touch, and the others from the nearest on.
+    /// Touching pairs, and the others from the nearest on.
     touching: Packed,
     apart: Packed,
     rounds: Vec<Round>,
@@ -45,27 +45,27 @@ struct State {
 /// One measurement of a method.
 #[derive(Clone, Copy)]
 struct Round {
-    /// Contacts of all particles: one between particles counts twice.
+    /// Contacts of all particles; a contact between particles counts twice.
     ends: f64,
-    /// Pairs looked at that do not touch, for each contact.
+    /// Resolved pairs that do not touch, for each contact.
     near_misses: f64,
-    /// Of a contact in the run [ns].
+    /// Time per contact in the run [ns].
     contact_ns: f64,
-    /// Of a step [ms].
+    /// Time per step [ms].
     step_ms: f64,
-    /// The part of it that is contact resolution [ms].
+    /// Time of contact resolution per step [ms].
     resolution_ms: f64,
-    /// Of a pair that touches, by itself [ns].
+    /// Time of a touching pair alone [ns].
     touching_ns: f64,
-    /// Of a near miss, by itself [ns]; 0 if the run has none.
+    /// Time of a near miss alone [ns]; 0 if the run has none.
     near_ns: f64,
 }
 
 impl Plan {
-    /// Measures, prints the table and writes it to `report/cost.csv`, from the checkout as current directory.
+    /// Measures, prints the table and writes it to `report/cost.csv`, with the checkout as current directory.
     ///
     /// # Errors
-    /// Snapshots that cannot be read, a run that fails or is stopped, files that cannot be written.
+    /// If a snapshot cannot be read, a run fails or is stopped, or a file cannot be written.
     pub fn run(&self, signals: &Signals) -> Result<()> {
         let out = self.out.clone().unwrap_or_else(|| "out/paper/triaxial".into());
         let mut states = Vec::new();
@@ -134,7 +134,7 @@ impl State {
         let last = |name: &str| history.last(name).with_context(|| format!("{what} has no {name}"));
         let near_misses = row.resolved_pairs as f64 / row.contacts as f64 - 1.0;
         let per_step = 1e3 / row.steps as f64;
-        // As many of those apart as the run looks at. None for some methods.
+        // The number of separate pairs is that resolved by the run, for some methods none.
         let near = (near_misses * self.touching.len() as f64) as usize;
         let near = self.apart.some(&(0..near.min(self.apart.len())).collect::<Vec<_>>());
         self.rounds.push(Round {
@@ -149,7 +149,7 @@ impl State {
         Ok(())
     }
 
-    /// Of a pair, many at once, as in a simulation [ns]; 0 without any.
+    /// Time of a pair in a batch, as in a simulation [ns]; 0 without pairs.
     fn batched_ns(&self, pairs: &Pairs) -> f64 {
         if pairs.is_empty() {
             return 0.0;
@@ -161,7 +161,7 @@ impl State {
     fn row(&self, table: &mut String) {
         let Some(last) = self.rounds.last() else { return };
         let median = |pick: fn(&Round) -> f64| quartiles(self.rounds.iter().map(pick).collect())[1];
-        // Contacts with walls, which have closed forms, cost next to nothing.
+        // Contacts with walls have closed forms and cost next to nothing.
         let touching = self.touching.len() as f64;
         let among = touching / (last.ends - touching);
         let (of_touching, of_near) = (median(|r| r.touching_ns), median(|r| r.near_ns));

@@ -10,15 +10,15 @@ use dem_mpi::post::report::{Report, Summary, csv};
 use dem_mpi::post::rose::rose_rows;
 use serde::Serialize;
 
-/// Of one panel of two [px].
+/// Size of one of two panels [px].
 const PANEL: (u32, u32) = (560, 360);
 
-/// A state of a run.
+/// Selects a state of a run.
 type State = fn(&Run) -> Option<&Report>;
 const PACKING: State = |run| run.packing.as_ref();
 const PEAK: State = |run| run.peak();
 
-/// Figures 10 to 14 where there is something to draw: names of their files and the drawings.
+/// Figures 10 to 14 as far as there are data: names of their files and the drawings.
 ///
 /// # Errors
 /// See [`PlotError`].
@@ -146,7 +146,7 @@ struct Bin {
 /// All tables: names of their files and CSV.
 ///
 /// # Errors
-/// None that is known.
+/// No error is known.
 pub fn tables(runs: &[Run]) -> Result<Vec<(&'static str, String)>, csv::Error> {
     let states = || {
         runs.iter().flat_map(|run| {

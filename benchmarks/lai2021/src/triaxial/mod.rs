@@ -1,20 +1,20 @@
-//! Section 3 of Lai et al. (2021) regenerated: what the method of contact resolution does to a packing and
-//! to its triaxial compression.
+//! Section 3 of Lai et al. (2021) regenerated: effect of the method of contact resolution on a packing and on its
+//! triaxial compression.
 //!
-//! Figures 9 to 14, each beside what the paper says of it, from the snapshots of runs:
-//! `ROOT/METHOD/STAGE/`, with the method `common-normal`, `epa`, `gjk-erosion` or `gjk-gjk-erosion` and the stage
-//! `packing`, `consolidation` or `shear`. What is not there is left out, and the report says so.
+//! Figures 9 to 14, each beside the statements of the paper, from the snapshots of runs: `ROOT/METHOD/STAGE/`,
+//! with the method `common-normal`, `epa`, `gjk-erosion` or `gjk-gjk-erosion` and the stage `packing`,
+//! `consolidation` or `shear`. Missing runs are left out, and the report lists them.
 //!
-//! The paper compares erosion with EPA, which it takes as the truth. Where EPA has no number, for its runs are not
-//! there or not over, the common normal stands in: the truth itself for these bodies.
+//! The paper compares erosion with EPA as the reference. Where EPA has no number, because its runs are missing or
+//! unfinished, the common normal replaces it; for these bodies it is exact.
 //!
-//! | file | what it is |
+//! | file | content |
 //! |---|---|
-//! | [`run`] | the runs of a method: what was read, peak, plateau, curves |
+//! | [`run`] | runs of a method: their data, peak, plateau, curves |
 //! | [`figures`] | figures and their tables |
 //! | [`report`] | the paper's statements, this code's numbers, verdicts |
 //! | [`stages`] | packing, consolidation and compression by dem-mpi |
-//! | [`cost`] | what contacts cost in the compression, and by themselves |
+//! | [`cost`] | cost of contacts in the compression, and alone |
 
 pub mod cost;
 pub mod figures;
@@ -30,17 +30,17 @@ use dem_mpi::post::report::csv;
 use dem_mpi::post::series::Choice;
 use std::path::{Path, PathBuf};
 
-/// Why the section could not be regenerated.
+/// Errors of the section.
 #[derive(Debug, thiserror::Error)]
 pub enum TriaxialError {
-    /// No run at all.
+    /// There are no runs.
     #[error(
         "{root} holds no run: none of common-normal, epa, gjk-gjk-erosion and gjk-erosion has a folder packing, \
          consolidation or shear with particles_STEP.vtkhdf in it",
         root = root.display()
     )]
     NoRun {
-        /// The folder.
+        /// Path of the folder.
         root: PathBuf,
     },
     /// A snapshot could not be analysed.
@@ -54,8 +54,8 @@ pub enum TriaxialError {
     Table(#[from] csv::Error),
 }
 
-/// All files of the section: names and contents. Whole packings as in the paper, unless `choice` says
-/// otherwise; then the report does, too.
+/// All files of the section: names and contents. Whole packings are measured as in the paper, unless `choice`
+/// differs, which the report then mentions.
 ///
 /// # Errors
 /// See [`TriaxialError`].

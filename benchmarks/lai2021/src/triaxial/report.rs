@@ -1,4 +1,4 @@
-//! The paper's statements, this code's numbers beside them, and verdicts that follow from the numbers.
+//! Statements of the paper, numbers of this code beside them, and verdicts that follow from the numbers.
 
 use super::run::{Cost, Method, Pick, Run, rms_difference};
 use crate::findings::{Finding, Kind, Reading, Row, Verdict, table};
@@ -15,28 +15,28 @@ use std::ops::RangeInclusive;
 /// Axial strains of the plateau.
 const PLATEAU: RangeInclusive<f64> = 0.25..=0.36;
 
-/// The lateral pressure of the paper [Pa].
+/// Lateral pressure in the paper [Pa].
 const CONFINED: f64 = 1e5;
 
-/// A packing is at rest if the mean resultant force on a grain is at most this part of the mean contact force...
+/// Largest mean resultant force on a particle, over the mean contact force, of a packing at rest...
 const SETTLED: f64 = 0.01;
-/// ... and nearly so up to this.
+/// ... and of a packing nearly at rest.
 const UNSETTLED: f64 = 0.05;
 
 /// Findings of a topic of the section.
 pub struct Topic {
-    /// Its title.
+    /// Title of the topic.
     pub title: &'static str,
-    /// The figures that belong to it: file and name.
+    /// Figures of the topic: file and name.
     figures: &'static [(&'static str, &'static str)],
-    /// Who states what is to be found.
+    /// Kind of its findings.
     pub kind: Kind,
-    /// What was found.
+    /// Findings of the topic.
     pub findings: Vec<Finding>,
     remark: String,
 }
 
-/// The page of the section, as Markdown.
+/// Page of the section, as Markdown.
 pub fn report(runs: &[Run]) -> String {
     let mut page = "\
 # Section 3 of Lai et al. (2021), regenerated
@@ -62,7 +62,7 @@ Written by `lai2021 section-3`; the verdicts follow from the numbers.\n\n"
     page
 }
 
-/// Whether there is such a figure.
+/// Whether the figure is drawn.
 fn drawn(file: &str, runs: &[Run]) -> bool {
     let (packed, sheared) = (|r: &Run| r.packing.is_some(), |r: &Run| !r.shear.is_empty());
     runs.iter().any(|run| match file {
@@ -75,7 +75,7 @@ fn drawn(file: &str, runs: &[Run]) -> bool {
 }
 
 impl Topic {
-    /// Who states what is to be found.
+    /// Origin of the statements, as a head of the table.
     const fn whose(&self) -> &'static str {
         match self.kind {
             Kind::Check => "the check",
@@ -89,7 +89,7 @@ pub fn topics(runs: &[Run]) -> Vec<Topic> {
     among(runs, runs)
 }
 
-/// All findings with erosion read both ways, each from the runs of that reading and of the benchmarks.
+/// All findings with both readings of erosion, each from the runs of that reading and of the reference methods.
 pub fn rows(runs: &[Run]) -> Vec<Row> {
     let mut rows = Vec::new();
     for reading in Reading::ALL {
@@ -106,7 +106,7 @@ pub fn rows(runs: &[Run]) -> Vec<Row> {
     rows
 }
 
-/// Findings from some of the runs; where a reason is asked for, from all.
+/// Findings from `runs`; those on causes use `all`.
 fn among(runs: &[Run], all: &[Run]) -> Vec<Topic> {
     vec![
         Topic {
@@ -164,12 +164,12 @@ const CHECKS: &str = "\
 The paper does not state these. The stress-force-fabric relation leaves out products of anisotropies; a_bn and a_bt are those of the branches, along and \
 across the normals. ";
 
-/// All that was measured.
+/// All reports.
 fn reports(runs: &[Run]) -> impl Iterator<Item = &Report> {
     runs.iter().flat_map(|run| run.packing.iter().chain(&run.consolidation).chain(&run.shear))
 }
 
-/// Which contacts are in the fabric.
+/// Sentence on the contacts in the fabric.
 fn walls_in(runs: &[Run]) -> &'static str {
     if reports(runs).any(|report| report.walls_in_fabric) {
         "Contacts with walls are in the stress, the fabric and the distributions of forces."
@@ -178,7 +178,7 @@ fn walls_in(runs: &[Run]) -> &'static str {
     }
 }
 
-/// Where was measured and among which contacts, if the user chose; else nothing.
+/// Region and contacts of the measurement, if the user chose them; otherwise empty.
 fn measured(runs: &[Run]) -> String {
     let regions: Vec<Bounds> = reports(runs).filter_map(|report| report.region_m).collect();
     let in_layer = |report: &Report| {
@@ -207,12 +207,12 @@ fn measured(runs: &[Run]) -> String {
     words
 }
 
-/// Is it of a whole packing, as those of the paper?
+/// Whether the report is on a whole packing, as those of the paper.
 fn is_whole(report: &Report) -> bool {
     report.region_m.is_none()
 }
 
-/// What is not there.
+/// Missing runs and stages.
 fn missing(runs: &[Run]) -> String {
     let mut words = Vec::new();
     for method in Method::ALL {
@@ -267,7 +267,7 @@ fn missing(runs: &[Run]) -> String {
     format!("{left_out}; {compared}.")
 }
 
-/// A number of each state as a row, a column for each method.
+/// Table of numbers with a row for each state and a column for each method.
 fn numbers(runs: &[Run]) -> String {
     const ROWS: [(&str, Pick); 10] = [
         ("mean stress p [Pa]", |s| s.p_pa),
@@ -331,7 +331,7 @@ fn costs(runs: &[Run]) -> String {
         + "\nAs the runs tell at the ends of all their sittings; – where some of them are missing. They compare only if nothing else ran on the machine.\n"
 }
 
-/// What it took until the packing, the peak and the end were there [h], as far as the runs tell.
+/// Core hours until the packing, the peak and the end [h], as far as the runs have them.
 fn core_hours(run: &Run) -> [Option<f64>; 3] {
     let of = |stage| run.costs.iter().find(|cost| cost.stage == stage)?.core_hours;
     let packing = of("packing");
@@ -348,23 +348,23 @@ fn core_hours(run: &Run) -> [Option<f64>; 3] {
     ]
 }
 
-/// The peak of a compression that went on beyond it.
+/// Peak of a compression that continued beyond it.
 fn past_peak(run: &Run) -> Option<&Report> {
     run.peak().filter(|_| run.strain().is_some_and(|strain| strain >= *PLATEAU.start()))
 }
 
-/// The runs by a method.
+/// Runs of a method.
 fn by(method: Method, runs: &[Run]) -> Option<&Run> {
     runs.iter().find(|run| run.method == method)
 }
 
-/// Erosion as the paper has it; if there is none, erosion alone.
+/// Runs of erosion as in the paper; without them, those of erosion alone.
 fn erosion(runs: &[Run]) -> Option<&Run> {
     by(Method::CheckedErosion, runs).or_else(|| by(Method::Erosion, runs))
 }
 
-/// A number of erosion and of its benchmark, EPA if that has it, else the common normal; and a remark where that is
-/// not the one that stands above all findings.
+/// Number of erosion and of its reference, with a remark if the reference is not the one named above all findings. The
+/// reference is EPA if it has the number, otherwise the common normal.
 fn compared<'a, T>(
     runs: &'a [Run],
     pick: impl Fn(&'a Run) -> Option<T>,
@@ -376,8 +376,8 @@ fn compared<'a, T>(
     Some(((pick(erosion(runs)?)?, truth), remark))
 }
 
-/// How far EPA and the common normal are apart: they agree to rounding on every contact, so this is what
-/// chance does to two packings of the same kind.
+/// Difference between EPA and the common normal. They agree to rounding on every contact, so that this is the random
+/// difference between two packings of one kind.
 fn by_chance(runs: &[Run], pick: impl Fn(&Run) -> Option<f64>) -> String {
     let both =
         by(Method::Epa, runs).and_then(&pick).zip(by(Method::CommonNormal, runs).and_then(&pick));
@@ -386,7 +386,7 @@ fn by_chance(runs: &[Run], pick: impl Fn(&Run) -> Option<f64>) -> String {
     })
 }
 
-/// The same of packings, of which several of one kind say it themselves.
+/// Random difference between packings; empty if there are several packings of one kind, which show it themselves.
 fn by_chance_packed(runs: &[Run], pick: impl Fn(&Run) -> Option<Spread>) -> String {
     if runs.iter().any(|run| !run.other_packings.is_empty()) {
         return String::new();
@@ -394,7 +394,7 @@ fn by_chance_packed(runs: &[Run], pick: impl Fn(&Run) -> Option<Spread>) -> Stri
     by_chance(runs, |run| Some(pick(run)?.mean))
 }
 
-/// What each method has to say, and the worst of the verdicts.
+/// Finding with the results of each method, and the worst of the verdicts.
 fn each(
     name: &'static str,
     figure: &'static str,
@@ -411,7 +411,7 @@ fn each(
     Finding { name, figure, statement, here, verdict: Verdict::worst(told.iter().map(|t| t.2)) }
 }
 
-/// A finding of erosion against its benchmark.
+/// Finding on erosion against its reference.
 fn between<'a, T>(
     name: &'static str,
     figure: &'static str,
@@ -432,7 +432,7 @@ fn percent(share: f64) -> String {
     format!("{} %", readable(100.0 * share))
 }
 
-/// The relative difference of two numbers, by the second.
+/// Relative difference of two numbers, over the second.
 fn apart((a, b): (f64, f64)) -> f64 {
     quotient(a - b, b.abs()).unwrap_or(f64::INFINITY)
 }
@@ -453,7 +453,7 @@ fn setup(runs: &[Run]) -> Vec<Finding> {
         }),
         each("confined", "3.1", "a lateral pressure of 100 kPa is maintained", runs, |run| {
             let (x, y) = (run.curve(|s| s.wall_stress_xx_pa), run.curve(|s| s.wall_stress_yy_pa));
-            // The servo has not yet acted at the very first.
+            // At the very first snapshot the servo has not yet acted.
             let values: Vec<f64> = x.iter().skip(1).chain(y.iter().skip(1)).map(|p| p.1).collect();
             let farthest = |far: f64, value: &f64| far.max((value / CONFINED - 1.0).abs());
             let off = values.iter().fold(0.0, farthest);
@@ -468,7 +468,7 @@ fn setup(runs: &[Run]) -> Vec<Finding> {
     ]
 }
 
-/// How far a curve is off the true one (r.m.s.), and between which values that runs.
+/// Root mean square difference of a curve from the reference curve, and the range of the latter.
 fn off_within(curve: &[(f64, f64)], truth: &[(f64, f64)]) -> Option<(f64, f64, f64)> {
     let of = |best: fn(f64, f64) -> f64, from: f64| truth.iter().map(|p| p.1).fold(from, best);
     let (low, high) = (of(f64::min, f64::INFINITY), of(f64::max, f64::NEG_INFINITY));
@@ -535,7 +535,7 @@ fn dilation(run: &Run) -> Option<(String, Verdict)> {
     Some((here, verdict))
 }
 
-/// Erosion's response against its benchmark's.
+/// Response of erosion against that of its reference.
 fn same_response(runs: &[Run]) -> [Finding; 4] {
     let peak = |run: &Run| past_peak(run)?.summary.q_over_p;
     let curve = |pick: Pick| {
@@ -579,12 +579,12 @@ fn same_response(runs: &[Run]) -> [Finding; 4] {
     ]
 }
 
-/// Erosion's number and the benchmark's.
+/// Text with the numbers of erosion and of the reference.
 fn differ((erosion, truth): (f64, f64)) -> String {
     differ_packed((Spread::of(&[erosion]), Spread::of(&[truth])))
 }
 
-/// The same of packings.
+/// Text with the numbers of erosion and of the reference for packings.
 fn differ_packed((erosion, truth): (Spread, Spread)) -> String {
     format!("{erosion} and {truth}: {:+.1} %", 100.0 * apart((erosion.mean, truth.mean)))
 }
@@ -593,7 +593,7 @@ fn coordination(runs: &[Run], all: &[Run]) -> Vec<Finding> {
     let mean = |run: &Run| run.packed(|report| report.summary.coordination);
     let at_peak = |run: &Run| past_peak(run)?.summary.coordination;
     let eroded = erosion(runs).map_or(Method::Erosion, |run| run.method);
-    // Of all packings.
+    // Means over all packings.
     let shares = |run: &Run| {
         let mut sum: Vec<f64> = Vec::new();
         let count = run.packings().count() as f64;
@@ -656,7 +656,7 @@ fn coordination(runs: &[Run], all: &[Run]) -> Vec<Finding> {
             |((e0, e1), (t0, t1))| {
                 let [first, then] = [t0.mean - e0.mean, t1 - e1];
                 let verdict = match then.abs() / first.abs() {
-                    // Then there is none that could become smaller.
+                    // Then there is no difference that could become smaller.
                     _ if first < 0.1 => Verdict::No,
                     ..=0.5 => Verdict::Yes,
                     ..1.0 => Verdict::Nearly,
@@ -669,7 +669,7 @@ fn coordination(runs: &[Run], all: &[Run]) -> Vec<Finding> {
     ]
 }
 
-/// Mean Z after packing with a method, beside the paper's.
+/// Mean Z after packing with a method, beside that of the paper.
 fn about(method: Method, paper: f64) -> impl Fn(&Run) -> Option<(String, Verdict)> {
     move |run: &Run| {
         let of = |pick: Pick| run.packed(|report| pick(&report.summary));
@@ -692,7 +692,7 @@ fn about(method: Method, paper: f64) -> impl Fn(&Run) -> Option<(String, Verdict
 
 /// The paper's reason for the lower Z. Erosion alone has the same excess of overlap and no other cause to lose contacts.
 fn pushing_away(all: &[Run]) -> Finding {
-    /// What is to be explained, where GJK + erosion has no number: the paper's 7.5 less 6.8.
+    /// Loss of contacts to be explained where GJK + erosion has no number: the paper's 7.5 less 6.8.
     const LOSS: f64 = 0.7;
     let z = |method| Some(by(method, all)?.packed(|report| report.summary.coordination)?.mean);
     let truth = z(Method::Epa).or_else(|| z(Method::CommonNormal));
@@ -721,8 +721,7 @@ impl Run {
     }
 }
 
-/// By how much the smaller-or-equal share of `low` falls short of that of `high`, at most: 0 if `low` has the
-/// smaller numbers throughout.
+/// Largest excess of the cumulative share of `high` over that of `low`; 0 if `low` has the smaller numbers throughout.
 fn against_order(low: &[f64], high: &[f64]) -> f64 {
     let most = low.len().max(high.len());
     let (mut below, mut against) = (0.0, 0.0_f64);
@@ -734,17 +733,17 @@ fn against_order(low: &[f64], high: &[f64]) -> f64 {
     if against < 1e-12 { 0.0 } else { against }
 }
 
-/// How much of a degree of anisotropy is about the vertical: 1 if all, with more along it; -1/2 if the
-/// packing has its axis elsewhere.
+/// Part of a degree of anisotropy about the vertical: 1 if all of it, with more along the vertical; -1/2 if the packing
+/// has its axis elsewhere.
 fn vertical(tensor: &Mat3) -> Option<f64> {
     quotient(1.5 * tensor.m33, (1.5 * inner(tensor, tensor)).sqrt())
 }
 
-/// Contacts for each particle, of those that the distributions of forces count.
+/// Contacts per particle that count in the distributions of forces.
 fn contacts_each(report: &Report) -> Option<f64> {
     let summary = &report.summary;
     let pairs = 0.5 * summary.coordination?;
-    // Z counts both ends of a contact; one with a wall has a single one.
+    // Z counts both ends of a contact between particles, but a contact with a wall once.
     let with_walls = || Some(summary.coordination_with_walls? - pairs);
     if report.walls_in_fabric { with_walls() } else { Some(pairs) }
 }
@@ -791,7 +790,7 @@ fn fabric(runs: &[Run]) -> Vec<Finding> {
     ]
 }
 
-/// Erosion's degrees of anisotropy in a state against its benchmark's.
+/// Degrees of anisotropy of erosion in a state against those of its reference.
 fn same_anisotropy(
     name: &'static str,
     figure: &'static str,
@@ -884,8 +883,8 @@ fn mainly_weak(runs: &[Run]) -> Finding {
     )
 }
 
-/// Of the difference in contacts per particle the share of the weak ones; the others are those up to the
-/// mean normal force, and those above.
+/// Share of the weak contacts in the difference in contacts per particle. The other classes are contacts up to the mean
+/// normal force, and those above it.
 fn share_of_difference(a: [f64; 3], b: [f64; 3]) -> f64 {
     let off = |k: usize| (a[k] - b[k]).abs();
     quotient(off(0), off(0) + off(1) + off(2)).unwrap_or(0.0)

@@ -1,4 +1,4 @@
-//! The runs of a method, from packing to shear.
+//! Runs of a method, from packing to shear.
 
 use super::TriaxialError;
 use super::stages::another_packing;
@@ -23,21 +23,21 @@ use std::path::Path;
 /// A method of contact resolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// The exact one.
+    /// The exact method.
     CommonNormal,
-    /// The paper's benchmark.
+    /// The reference method of the paper.
     Epa,
-    /// The method that the paper looks into, as it reads: erosion, if GJK says that the bodies touch.
+    /// The method studied in the paper as described there: erosion if GJK finds the bodies touching.
     CheckedErosion,
-    /// Erosion alone, which also finds bodies that are nearly touching.
+    /// Erosion alone, which also finds bodies that nearly touch.
     Erosion,
 }
 
 impl Method {
-    /// All, in the order of figures and reports.
+    /// All methods, in the order of figures and reports.
     pub const ALL: [Self; 4] = [Self::CommonNormal, Self::Epa, Self::CheckedErosion, Self::Erosion];
 
-    /// The folder of its runs.
+    /// Folder of the runs.
     pub const fn folder(self) -> &'static str {
         match self {
             Self::CommonNormal => "common-normal",
@@ -47,18 +47,18 @@ impl Method {
         }
     }
 
-    /// Its settings in a scene's table `contact`.
+    /// Settings in the table `contact` of a scene.
     pub const fn settings(self) -> &'static [(&'static str, &'static str)] {
         match self {
             Self::CommonNormal => &[("method", "common-normal")],
-            // With its secants, EPA has all digits of nearly every contact from this tolerance on.
+            // With its secant steps, EPA has all digits of nearly every contact from this tolerance on.
             Self::Epa => &[("method", "epa"), ("tolerance", "1e-4")],
             Self::CheckedErosion => &[("method", "gjk-erosion"), ("spurious", "false")],
             Self::Erosion => &[("method", "gjk-erosion")],
         }
     }
 
-    /// For pairs by themselves, the same.
+    /// Resolver with the same settings, for pairs alone.
     pub fn resolver(self) -> contact::Method {
         match self {
             Self::CommonNormal => contact::Method::CommonNormal,
@@ -70,12 +70,12 @@ impl Method {
         }
     }
 
-    /// Of the two that read the paper's erosion in one way or the other.
+    /// Whether the method is one of the two readings of erosion.
     pub const fn is_erosion(self) -> bool {
         matches!(self, Self::CheckedErosion | Self::Erosion)
     }
 
-    /// In figures and reports.
+    /// Name in figures and reports.
     pub const fn name(self) -> &'static str {
         match self {
             Self::CommonNormal => "common normal",
@@ -95,7 +95,7 @@ impl Method {
     }
 }
 
-/// As the folders of its runs are named.
+/// Values are named like the folders of the runs.
 impl ValueEnum for Method {
     fn value_variants<'a>() -> &'a [Self] {
         &Self::ALL
@@ -106,45 +106,45 @@ impl ValueEnum for Method {
     }
 }
 
-/// What the runs of a method left.
+/// Data of the runs of a method.
 #[derive(Clone, Debug)]
 pub struct Run {
     /// The method.
     pub method: Method,
-    /// After random packing.
+    /// Report after random packing.
     pub packing: Option<Report>,
-    /// The same from other seeds.
+    /// Reports after random packing from other seeds.
     pub other_packings: Vec<Report>,
-    /// Under the confining pressure.
+    /// Report under the confining pressure.
     pub consolidation: Option<Report>,
-    /// All snapshots of the compression, with strains against the first.
+    /// Reports of all snapshots of the compression, with strains relative to the first.
     pub shear: Vec<Report>,
-    /// Stages before the compression whose newest snapshot is not their last: nothing to compare yet.
+    /// Stages before the compression that are unfinished, and so have no report.
     pub unfinished: Vec<&'static str>,
-    /// Energy that the balance misses, over the energy dissipated, at the end of each stage.
+    /// Energy error over the dissipated energy at the end of each stage.
     pub missing_energy: Vec<(&'static str, f64)>,
-    /// What each stage took.
+    /// Cost of each stage.
     pub costs: Vec<Cost>,
 }
 
-/// What a stage took, in all runs that did a part of it.
+/// Cost of a stage, over all runs that did a part of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cost {
-    /// The stage.
+    /// Name of the stage.
     pub stage: &'static str,
-    /// Steps done in all runs.
+    /// Number of steps in all runs.
     pub steps: u64,
-    /// By the wall clock [s].
+    /// Wall-clock time [s].
     pub seconds: f64,
-    /// How many ranks shared the work of the last run.
+    /// Number of ranks of the last run.
     pub ranks: u32,
-    /// Seconds times ranks, in hours; `None` if some of the stage's steps are not in them.
+    /// Wall-clock time times ranks in hours; `None` if some steps of the stage are not included.
     pub core_hours: Option<f64>,
-    /// Contact resolution for each contact, in the last run [ns].
+    /// Contact resolution per contact in the last run [ns].
     pub contact_ns: Option<f64>,
 }
 
-/// The packing before and after.
+/// Pictures of the packing before and after the compression.
 pub(crate) struct Pictures {
     packing: Picture,
     sheared: Picture,
@@ -170,7 +170,7 @@ impl Pictures {
 }
 
 impl Run {
-    /// Reads what there is in `root` of a method. Pictures if there are both states.
+    /// Reads the data of a method in `root`. Pictures are returned if both states exist.
     pub(crate) fn read(
         root: &Path,
         method: Method,
@@ -184,7 +184,8 @@ impl Run {
         };
         let mut unfinished = Vec::new();
         let mut next_has_begun = !shear.reports.is_empty();
-        // A stage is over if the next one has begun from it, or if it or the script that ran it says so.
+        // A stage is finished if the next one has begun from it, or if its header or the script that ran
+        // it marks it so.
         let mut last = |name| -> Result<Option<(Report, Picture)>, TriaxialError> {
             let Some(file) = if_any(series::newest(&stage(name)))? else { return Ok(None) };
             let reader = Reader::open(&file).map_err(PostError::from)?;
@@ -201,7 +202,7 @@ impl Run {
         let stages = ["packing", "consolidation", "shear"];
         let mut other_packings = Vec::new();
         for folder in (2..).map(|number| stage(&another_packing(number))) {
-            // Of one that is not over nothing is known yet.
+            // An unfinished packing has no data yet.
             if !folder.join("done").exists() {
                 break;
             }
@@ -234,7 +235,7 @@ impl Run {
         Ok((run, pictures))
     }
 
-    /// Steps of a stage, by the states before and after it.
+    /// Number of steps of a stage, from the states before and after it.
     fn steps_of(&self, stage: &str) -> Option<u64> {
         let step = |report: Option<&Report>| report.map(|report| report.summary.step);
         let (packed, consolidated) =
@@ -247,7 +248,7 @@ impl Run {
         end?.checked_sub(begin?)
     }
 
-    /// Whether there was nothing to read.
+    /// Whether there is no data.
     pub fn is_empty(&self) -> bool {
         self.packing.is_none()
             && self.consolidation.is_none()
@@ -255,19 +256,19 @@ impl Run {
             && self.unfinished.is_empty()
     }
 
-    /// All of its packings; none if the first is not over.
+    /// All packings; none if the first is unfinished.
     pub fn packings(&self) -> impl Iterator<Item = &Report> {
         let others = self.packing.iter().flat_map(|_| &self.other_packings);
         self.packing.iter().chain(others)
     }
 
-    /// A number of all of its packings.
+    /// Spread of a number over all packings.
     pub fn packed(&self, pick: impl Fn(&Report) -> Option<f64>) -> Option<Spread> {
         let values: Vec<f64> = self.packings().map(pick).collect::<Option<_>>()?;
         (!values.is_empty()).then(|| Spread::of(&values))
     }
 
-    /// The snapshot with the largest `q/p` of the compression.
+    /// Report of the snapshot with the largest `q/p` of the compression.
     pub fn peak(&self) -> Option<&Report> {
         let ratio = |report: &&Report| report.summary.q_over_p;
         let strained = self.shear.iter().filter(|r| r.summary.axial_strain.is_some());
@@ -289,12 +290,12 @@ impl Run {
         points.filter_map(|(strain, value)| strain.zip(value)).collect()
     }
 
-    /// The axial strain reached.
+    /// Largest axial strain.
     pub fn strain(&self) -> Option<f64> {
         self.shear.last()?.summary.axial_strain
     }
 
-    /// The states in which a packing is compared: name and report.
+    /// States in which packings are compared: name and report.
     pub fn states(&self) -> impl Iterator<Item = (&'static str, &Report)> {
         let states = [
             ("packing", self.packing.as_ref()),
@@ -306,10 +307,10 @@ impl Run {
     }
 }
 
-/// A number of a summary.
+/// Selects a number of a summary.
 pub type Pick = fn(&Summary) -> Option<f64>;
 
-/// Root mean square of the difference of two curves where both are known, by linear interpolation.
+/// Root mean square difference of two curves over their common range, by linear interpolation.
 pub fn rms_difference(a: &[(f64, f64)], b: &[(f64, f64)]) -> Option<f64> {
     const SAMPLES: u32 = 200;
     let low = a.first()?.0.max(b.first()?.0);
@@ -324,14 +325,14 @@ pub fn rms_difference(a: &[(f64, f64)], b: &[(f64, f64)]) -> Option<f64> {
     Some((squares.sum::<f64>() / f64::from(SAMPLES + 1)).sqrt())
 }
 
-/// A curve at `x`, which it covers.
+/// Value of a curve at `x`, which it must cover.
 fn at(curve: &[(f64, f64)], x: f64) -> f64 {
     let next = curve.partition_point(|p| p.0 < x).clamp(1, curve.len() - 1);
     let ((x0, y0), (x1, y1)) = (curve[next - 1], curve[next]);
     if x1 > x0 { y0 + (y1 - y0) * (x - x0) / (x1 - x0) } else { y1 }
 }
 
-/// Nothing is no error here: a folder that is not there, or holds no snapshot yet.
+/// `None` for a folder that does not exist, or has no snapshot yet.
 fn if_any<T>(found: Result<T, PostError>) -> Result<Option<T>, PostError> {
     match found {
         Ok(found) => Ok(Some(found)),
@@ -349,13 +350,13 @@ fn missing_energy(stage: &Path) -> Option<f64> {
     Some(history.last("missing_J")?.abs() / dissipated)
 }
 
-/// What the runs of a stage took, if they tell.
+/// Cost of the runs of a stage, if they recorded it.
 fn cost(stage: &'static str, folder: &Path) -> Option<Cost> {
     Cost::of(stage, &Performance::read(folder).ok()?)
 }
 
 impl Cost {
-    /// From the rows of the stage's runs, of which there must be one.
+    /// Cost from the rows of the stage's runs, at least one.
     pub fn of(stage: &'static str, runs: &[Performance]) -> Option<Self> {
         let last = runs.last()?;
         let hours = |run: &Performance| run.wall_s * f64::from(run.ranks) / 3600.0;

@@ -1,8 +1,8 @@
-//! The runs of section 3: random packing, consolidation and triaxial compression by dem-mpi, from the scenes in
-//! `run/paper/triaxial`, then the report.
+//! Runs of section 3: random packing, consolidation and triaxial compression by dem-mpi, from the scenes in `run/paper/triaxial`,
+//! then the report.
 //!
-//! A stage keeps the words it was run with in its folder, in `words`: those of all methods in the first line, those of its own
-//! method in the second. With the same words a stage that was stopped goes on, and one that is `done` is not run again.
+//! Each stage stores its arguments in its folder, in `words`: those of all methods in the first line, those of its own method in
+//! the second. With the same arguments an interrupted stage continues, and one that is `done` is not run again.
 
 use super::{Method, regenerate};
 use crate::record::{machine, short_commit, store};
@@ -15,7 +15,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What to run.
+/// Plan of the runs.
 #[derive(Args, Clone, Debug)]
 pub struct Plan {
     /// 600 grains and a wall 5 times faster: minutes. Without it: 5,120 grains, hours
@@ -30,20 +30,20 @@ pub struct Plan {
     /// Another packing of the same kind [default: 1]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
-    /// So many packings of each kind: the tests go on from the first, the others, of the seeds after its own, say what is chance
+    /// Packings of each kind: the tests continue from the first; the others, with the seeds after its own, show the scatter
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=99))]
     pub packings: u32,
-    /// Of all contacts [N/m]; the paper's is 1.5e5
+    /// Stiffness of all contacts [N/m]; the paper's is 1.5e5
     #[arg(long, value_name = "K", value_parser = positive)]
     pub stiffness: Option<String>,
-    /// Of contacts: the paper's linear springs, or elastic bodies that are as stiff at the mean force of 100 kPa
+    /// Law of contacts: the paper's linear springs, or elastic bodies that are as stiff at the mean force of 100 kPa
     #[arg(long, value_enum, default_value_t)]
     pub law: Springs,
     /// The first of both erosions; the paper's is 0.05
     #[arg(long, value_name = "R", value_parser = part_of_one)]
     pub erosion_ratio: Option<String>,
-    /// How contacts are resolved; gjk-gjk-erosion is erosion only if GJK says that bodies touch, as the paper reads;
-    /// may be repeated
+    /// Method of contact resolution; gjk-gjk-erosion is erosion only if GJK says that bodies touch, as the paper reads; may be
+    /// repeated
     #[arg(long = "method", value_name = "M", value_enum, default_value = "common-normal")]
     pub methods: Vec<Method>,
     /// Ranks of each run
@@ -58,7 +58,7 @@ pub struct Plan {
     pub aloud: bool,
 }
 
-/// What presses grains apart.
+/// Law of the normal force.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Springs {
     /// Linear, as in the paper.
@@ -68,13 +68,13 @@ pub enum Springs {
     Hertz,
 }
 
-/// As it was written, a number above zero.
+/// Checks for a positive number, kept as text.
 fn positive(text: &str) -> Result<String, String> {
     let is_one = text.parse().is_ok_and(|number: f64| number > 0.0 && number.is_finite());
     if is_one { Ok(text.into()) } else { Err("must be a number above 0".into()) }
 }
 
-/// As it was written, a number between zero and one.
+/// Checks for a number between zero and one, kept as text.
 fn part_of_one(text: &str) -> Result<String, String> {
     let is_one = text.parse().is_ok_and(|number: f64| number > 0.0 && number < 1.0);
     if is_one { Ok(text.into()) } else { Err("must be a number between 0 and 1".into()) }
@@ -99,27 +99,27 @@ impl Words {
         }
     }
 
-    /// One by one.
+    /// The arguments one by one.
     pub fn arguments(&self) -> &[String] {
         &self.0
     }
 
-    /// As they stand in the file `words`.
+    /// The line in the file `words`.
     pub fn line(&self) -> String {
         self.0.join(" ")
     }
 }
 
-/// A stage, and what differs from its scene whatever the method.
+/// A stage, with the changes to its scene that are common to all methods.
 struct Stage {
     name: String,
-    /// The stage from which it starts.
+    /// Stage from which it starts.
     before: Option<&'static str>,
     words: Words,
 }
 
 impl Plan {
-    /// The paper's test by these methods.
+    /// Plan of the paper's test by these methods.
     pub const fn new(methods: Vec<Method>) -> Self {
         Self {
             quick: false,
@@ -141,7 +141,7 @@ impl Plan {
         self.rate.unwrap_or(if self.quick { 5 } else { 1 })
     }
 
-    /// Where runs and report go; a path of the checkout stays relative to it.
+    /// Folder of runs and report; a path in the checkout stays relative to it.
     fn folder(&self) -> PathBuf {
         let usual = match (self.quick, self.law) {
             (true, _) => "out/paper/quick",
@@ -178,7 +178,7 @@ impl Plan {
             }
         }
         if self.law == Springs::Hertz {
-            // As its scenes have it: so that the words tell these runs from others.
+            // The scenes have this law already; as an argument it distinguishes these runs from others.
             for words in [&mut packing, &mut consolidation, &mut shear] {
                 words.set("law.normal", "hertz");
             }
@@ -202,7 +202,7 @@ impl Plan {
         stages
     }
 
-    /// What differs from the scene of a stage for a method.
+    /// Changes to the scene of a stage for a method.
     fn of_method(&self, method: Method, stage: &str) -> Words {
         let mut words = Words::default();
         for (key, value) in method.settings() {
@@ -213,10 +213,10 @@ impl Plan {
         }
         let stage = if stage.starts_with("packing") { "packing" } else { stage };
         match (method, stage) {
-            // Erosion's forces have no potential: grains never come quite to rest, and not at all if forces jump at touch.
+            // Forces of erosion have no potential: particles never come quite to rest, and not at all if forces jump at touch.
             (Method::Erosion, "packing") => words.set("stop.unbalanced", 0.05),
             (Method::CheckedErosion, "packing") => words.set("time.steps", "150_000"),
-            // About as many as the common normal takes.
+            // About as many steps as with the common normal.
             (Method::Erosion | Method::CheckedErosion, "consolidation") => {
                 words.set("time.steps", "75_000");
             }
@@ -225,7 +225,7 @@ impl Plan {
         words
     }
 
-    /// The command that does the same.
+    /// The equivalent command line.
     fn command(&self) -> String {
         let mut text = "run/paper/triaxial/run".to_owned();
         let flag = |is_given, name: &str| if is_given { format!(" {name}") } else { String::new() };
@@ -249,13 +249,14 @@ impl Plan {
         text + &option("--ranks", Some(&self.ranks.to_string()))
     }
 
-    /// Runs what is missing, from the checkout as current directory, and writes the report on all methods that are there. Says where it is.
+    /// Runs the missing stages, with the checkout as current directory, and writes the report on all methods with runs. Returns
+    /// its path.
     ///
     /// # Errors
-    /// A folder of a run with other words, a run that fails or is stopped, files that cannot be written or read.
+    /// If a folder has a run with other arguments, a run fails or is stopped, or a file cannot be written or read.
     pub fn run(&self, signals: &Signals) -> Result<PathBuf> {
         let (out, stages) = (self.folder(), self.stages());
-        // One report compares all methods that are there.
+        // One report compares all methods, so that their arguments must agree.
         for entry in fs::read_dir(&out).into_iter().flatten() {
             let folder = entry?.path();
             for Stage { name, words, .. } in &stages {
@@ -277,7 +278,7 @@ impl Plan {
         Ok(report)
     }
 
-    /// Runs a stage of a method, goes on with it, or finds it done.
+    /// Runs a stage of a method, continues it, or finds it done.
     fn run_stage(
         &self,
         folder: &Path,
@@ -319,12 +320,12 @@ impl Plan {
     }
 }
 
-/// The folder of another packing of the same kind.
+/// Folder of another packing of the same kind.
 pub(super) fn another_packing(number: u32) -> String {
     format!("packing-{number}")
 }
 
-/// What is in a folder, if anything, was made with these words in this line.
+/// Checks that a run in the folder, if there is one, was made with these arguments in this line.
 fn check_words(folder: &Path, line: usize, words: &Words) -> Result<()> {
     if folder.join("done").exists() || folder.join("last.vtkhdf").exists() {
         let known = fs::read_to_string(folder.join("words")).unwrap_or_default();
@@ -337,7 +338,7 @@ fn check_words(folder: &Path, line: usize, words: &Words) -> Result<()> {
     Ok(())
 }
 
-/// The commits at which each stage ran, as lines of `machine.txt`.
+/// Commits at which each stage ran, as lines of `machine.txt`.
 fn commits(out: &Path) -> Result<String> {
     let mut lines = Vec::new();
     for method in fs::read_dir(out)? {

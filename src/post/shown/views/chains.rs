@@ -1,4 +1,4 @@
-//! Force chains: the strongest contacts as lines, the wider the stronger.
+//! Force chains: the strongest contacts as lines, wider for larger forces.
 
 use crate::math::Vec3;
 use crate::post::plots::{Plot, Width};
@@ -10,10 +10,10 @@ use std::fmt::Write;
 /// The strongest contacts.
 #[derive(Clone, Debug)]
 pub(super) struct Chains {
-    /// Of a grain, about [m].
+    /// Approximate diameter of a particle [m].
     diameter: f64,
     lines: Vec<Line>,
-    /// Sum of all forces [N], and how many contacts.
+    /// Sum of all forces [N], and number of contacts.
     sum: (f64, u64),
 }
 
@@ -26,13 +26,14 @@ struct Line {
 }
 
 impl Chains {
-    /// Lines drawn at most.
+    /// Largest number of lines drawn.
     const LIMIT: usize = 4000;
 
-    /// Widths of the widest line [px], which goes with the grains between these.
+    /// Limits of the width of the widest line [px], which is proportional to the size of the
+    /// particles.
     const WIDEST: [f64; 2] = [1.5, 6.0];
 
-    /// Without contacts, of grains about so large [m].
+    /// No contacts yet; particles have about this diameter [m].
     pub(super) fn new(diameter: f64) -> Self {
         Self { diameter, lines: Vec::new(), sum: (0.0, 0) }
     }
@@ -47,7 +48,8 @@ impl Chains {
         }
     }
 
-    /// The strongest first. Of equal ones those that came first: a sort that keeps their order.
+    /// Keeps the strongest contacts, in descending order. The sort is stable: of equal ones the
+    /// first stay.
     fn keep_strongest(&mut self) {
         self.lines.sort_by(|one, other| other.force.total_cmp(&one.force));
         self.lines.truncate(Self::LIMIT);
@@ -65,9 +67,9 @@ impl Chains {
         let mut svg = String::new();
         side.open(bounds, &mut svg);
         svg.push_str("<g stroke-linecap=\"round\">\n");
-        // The widest lines are those of the strongest two in a hundred.
+        // The strongest two in a hundred have the full width.
         let full = chains.lines[chains.lines.len() / 50].force;
-        // A quarter of a grain, so that chains in front leave something of those behind.
+        // A quarter of a particle, so that chains in front leave those behind visible.
         let [narrow, wide] = Self::WIDEST;
         let widest = (0.25 * self.diameter * side.scale).max(narrow).min(wide);
         for line in chains.lines.iter().rev().filter(|line| line.force > 0.0) {

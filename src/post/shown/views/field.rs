@@ -19,13 +19,13 @@ pub(super) struct Field {
 }
 
 impl Field {
-    /// Cells along the longer side at most.
+    /// Largest number of cells along the longer side.
     const MOST: f64 = 24.0;
 
     pub(super) fn new(bounds: &Bounds, diameter: f64) -> Self {
         let lengths = [bounds.lengths().x, bounds.lengths().z];
         let longest = lengths[0].max(lengths[1]);
-        // As wide as a grain at least, but several in any box.
+        // At least as wide as a particle, but several cells in any box.
         let side = (longest / Self::MOST).max(diameter.min(longest / 4.0));
         let cells = lengths.map(|length| ((length / side).ceil() as usize).max(1));
         let sums = vec![[0.0; 3]; cells[0] * cells[1]];
@@ -84,7 +84,7 @@ impl Field {
     }
 }
 
-/// An arrow about its middle [px]; of one that is too short to see, a dot.
+/// Draws an arrow about its middle [px], or a dot if it is too short to see.
 fn arrow([x, y]: [f64; 2], [dx, dy]: [f64; 2], out: &mut String) {
     let length = dx.hypot(dy);
     if length < 0.6 {

@@ -1,6 +1,6 @@
-//! What stands where in the packing of a snapshot: force chains, profiles by height, velocities.
+//! Spatial views of a snapshot: force chains, profiles by height, velocities.
 //!
-//! They are drawn within the box of the report, which must be known first: [`Views::of`] reads the files once more.
+//! They are drawn within the box of the report, which must be known first: [`Views::of`] reads the files again.
 
 mod chains;
 mod field;
@@ -18,7 +18,7 @@ use chains::Chains;
 use field::Field;
 pub use profile::{Layer, Profile};
 
-/// All of a snapshot.
+/// All views of a snapshot.
 #[derive(Clone, Debug)]
 pub struct Views {
     bounds: Bounds,
@@ -29,10 +29,10 @@ pub struct Views {
 }
 
 impl Views {
-    /// Within a box, from its files.
+    /// Views within a box, from the files of a snapshot.
     ///
     /// # Errors
-    /// A file that cannot be read.
+    /// If a file cannot be read.
     pub fn of(reader: &Reader, bounds: &Bounds) -> Result<Self, PostError> {
         let diameter = Margin::Diameters(1.0).metres(reader)?;
         let mut views = Self::new(reader.header(), bounds, diameter);
@@ -45,7 +45,7 @@ impl Views {
         Ok(views)
     }
 
-    /// Of nothing yet; grains have this diameter, about [m].
+    /// Empty views; particles have about this diameter [m].
     pub fn new(header: &Header, bounds: &Bounds, diameter: f64) -> Self {
         Self {
             bounds: *bounds,
@@ -69,7 +69,8 @@ impl Views {
         }
     }
 
-    /// Adds contacts. One with a partner beside the box counts as in the stress of the report: with the arm of the grain that is in it.
+    /// Adds contacts. If the partner is outside the box, the contact counts with the arm of the particle inside, as in the stress
+    /// of the report.
     pub fn add_contacts(&mut self, header: &Header, contacts: &ContactTable) {
         for row in 0..contacts.a.len() {
             let (centre, branch) = (contacts.centre[row], contacts.branch[row]);
@@ -93,7 +94,7 @@ impl Views {
         }
     }
 
-    /// Those in which there is something.
+    /// Plots of the views that are not empty.
     ///
     /// # Errors
     /// See [`PlotError`].
@@ -106,7 +107,8 @@ impl Views {
     }
 }
 
-/// Is a centre, or the image of it in the domain, within the four upright sides of a box? Boxes that share a side share no centre.
+/// True if a centre, or its image in the domain, is within the four upright sides of a box. Boxes that share a side share no
+/// centre.
 fn is_over(header: &Header, bounds: &Bounds, centre: &Vec3) -> bool {
     let place = header.cell.inside(*centre);
     (0..2).all(|k| bounds.low[k] <= place[k] && place[k] < bounds.high[k])

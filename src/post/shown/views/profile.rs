@@ -1,10 +1,10 @@
 //! Averages by height, in layers across the box.
 //!
-//! A body's volume is shared among layers as that of an ellipsoid as high as it is: exactly for spheres and ellipsoids. The
-//! stress of a layer of volume V is `1/V Σ f ⊗ l s`, where `s` is the share of the line between the centres (or from a centre
-//! to the foot on a wall) that is in the layer: the same average as that of the whole packing, which is the mean of the layers.
-//! Where an upright side of a region is between two grains, the line is the arm of the grain in it, from its centre to the contact
-//! point, as in the stress of the region.
+//! The volume of a body is distributed over layers as that of an ellipsoid of the same height: exactly for spheres and
+//! ellipsoids. The stress of a layer of volume V is `1/V Σ f ⊗ l s`. Here `s` is the share in the layer of the line between the
+//! centres, or from a centre to the foot on a wall. The mean over all layers is the stress of the whole packing. If an upright
+//! side of a region is between two particles, the line is the arm of the particle inside. It runs from the centre to the
+//! contact point, as in the stress of the region.
 
 use crate::math::{Mat3, Vec3};
 use crate::output::header::Header;
@@ -18,25 +18,25 @@ pub struct Profile {
     low: f64,
     high: f64,
     area: f64,
-    /// Downwards [m/s²].
+    /// Downward gravity [m/s²].
     gravity: f64,
-    /// Of the domain along z [m].
+    /// Period of the domain along z [m].
     period: Option<f64>,
-    /// Of what lies above the box [kg].
+    /// Mass above the box [kg].
     mass_above: f64,
     volume: Vec<f64>,
     mass: Vec<f64>,
     moment: Vec<Mat3>,
 }
 
-/// What is known of a layer.
+/// Averages of a layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer {
-    /// Its middle [m].
+    /// Height of its middle [m].
     pub height: f64,
     /// Volume of bodies over that of the layer [-].
     pub solid_fraction: f64,
-    /// Compression positive [Pa].
+    /// Stress, compression positive [Pa].
     pub stress: Mat3,
     /// Weight of the bodies above its middle over the area of the box, in a vertical gravity [Pa].
     pub weight_above: f64,
@@ -46,7 +46,7 @@ impl Profile {
     pub(super) fn new(header: &Header, bounds: &Bounds, diameter: f64) -> Self {
         let lengths = bounds.lengths();
         let layers = (lengths.z / diameter).floor().clamp(4.0, 40.0);
-        // Without any shape a diameter is zero, or no number.
+        // Without any shape the diameter is zero or not a number.
         let layers = if layers.is_finite() { layers as usize } else { 4 };
         Self {
             low: bounds.low.z,
@@ -65,8 +65,8 @@ impl Profile {
         (self.high - self.low) / self.volume.len() as f64
     }
 
-    /// The shares in each layer of what lies between two heights, the lower first; `below` says how much of it is below a
-    /// height, from 0 at -1 to 1 at 1. What is beyond a period is on the other side.
+    /// Calls `add` with the share in each layer of a body or line between two heights, the lower first. `below` is its share
+    /// below a height, from 0 at -1 to 1 at 1. Parts beyond a period are on the other side.
     fn share(
         &self,
         low: f64,
@@ -124,7 +124,7 @@ impl Profile {
         }
     }
 
-    /// The layers, the lowest first.
+    /// Layers, the lowest first.
     pub fn layers(&self) -> Vec<Layer> {
         let (thickness, volume) = (self.thickness(), self.thickness() * self.area);
         let mut above = self.mass_above * self.gravity / self.area;
