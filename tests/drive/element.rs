@@ -135,6 +135,106 @@ fn a_face_centred_lattice_of_hertz_follows_its_closed_form() {
     }
 }
 
+/// Balls of a lattice along x, and across [-].
+const LONG: u32 = 24;
+
+/// Square of the frequency of a standing wave along x [1/s²], over the mean stiffness `NORMAL` per mass of a ball. The wave displaces balls along
+/// the given axis. `tangential` and `friction` are keys of the material.
+fn frequency_squared((edge, balls): Lattice, axis: usize, overlap: f64, friction: bool) -> f64 {
+    let step = 2e-6;
+    let edge = edge * DIAMETER * (1.0 - overlap);
+    let keys = if friction {
+        format!("tangential_stiffness = {TANGENTIAL:?}\nfriction = 100.0")
+    } else {
+        String::new()
+    };
+    let mut fills = String::new();
+    for ball in balls {
+        let [x, y, z] = ball.map(|part| (part + 0.25) * edge);
+        write!(
+            fills,
+            "[[fill.lattice]]\nfirst = [{x:?}, {y:?}, {z:?}]\ncount = [{LONG}, 3, 3]\nspacing = {edge:?}\n"
+        )
+        .unwrap();
+    }
+    let (long, side) = (edge * f64::from(LONG), edge * 3.0);
+    let scene = scene(&format!(
+        "[domain]\nlow = [0, 0, 0]\nhigh = [{long:?}, {side:?}, {side:?}]\nperiodic = [true, true, true]\n\
+         [[material]]\nname = \"steel\"\ndensity = 2000.0\nnormal_stiffness = {NORMAL:?}\n{keys}\n\
+         [[shape]]\nname = \"ball\"\nkind = \"sphere\"\ndiameter = {DIAMETER:?}\n{fills}[time]\nstep = {step:?}\n"
+    ));
+    let comm = &mut Alone::default();
+    let mut sim = assemble::assemble(&scene, comm);
+    assemble::fill(&mut sim, &scene, comm);
+    let owned = sim.particles.owned;
+    let phase = |x: &Vec3| (std::f64::consts::TAU * x.x / long).sin();
+    let first = sim.particles.position[..owned].to_vec();
+    for (velocity, place) in sim.particles.velocity[..owned].iter_mut().zip(&first) {
+        velocity[axis] = 1e-4 * phase(place);
+    }
+    let rest: BTreeMap<_, _> =
+        sim.particles.id[..owned].iter().copied().zip(first.iter().copied()).collect();
+    sim.begin(comm).unwrap();
+    let mut displaced = |steps: u32| {
+        for _ in 0..steps {
+            sim.step(comm).unwrap();
+        }
+        let (particles, sides) = (&sim.particles, [long, side, side]);
+        let ways = particles.id[..owned].iter().zip(&particles.position).map(|(id, place)| {
+            let way = (place - rest[id])[axis];
+            (way - sides[axis] * (way / sides[axis]).round()) * phase(&rest[id])
+        });
+        ways.sum::<f64>()
+    };
+    // A standing wave is `sin(omega n dt)`; of a step `sin(omega dt/2)` is half the step times the frequency.
+    let steps = 25;
+    let (once, twice) = (displaced(steps), displaced(steps));
+    let angle = (0.5 * twice / once).acos() / f64::from(steps);
+    let mass = 2000.0 * std::f64::consts::PI / 6.0 * DIAMETER.powi(3);
+    (2.0 / step * (0.5 * angle).sin()).powi(2) * mass / NORMAL
+}
+
+/// The dispersion of sums over neighbours: `omega² = 4/m sum k sin²(q x/2)` over half of them. An initial overlap adds in proportion where the wave
+/// is transverse. With springs in the plane balls turn in a transverse wave, and its long limit is `C44/rho`.
+#[test]
+fn waves_in_lattices_have_the_speeds_of_their_moduli() {
+    let ratio = TANGENTIAL / NORMAL;
+    let q = std::f64::consts::TAU / f64::from(LONG);
+    let (whole, half) = (1.0 - q.cos(), 1.0 - (0.5 * q).cos());
+    for (name, of, friction, axis, expected, within) in [
+        ("simple, along", SIMPLE, true, 0, 2.0 * whole, 1e-7),
+        ("body-centred, along", BODY_CENTRED, true, 0, (8.0 + 16.0 * ratio) / 3.0 * half, 1e-7),
+        ("face-centred, along", FACE_CENTRED, true, 0, 4.0 * (1.0 + ratio) * half, 1e-7),
+        ("body-centred, across", BODY_CENTRED, false, 1, 8.0 / 3.0 * half, 1e-7),
+        ("face-centred, across", FACE_CENTRED, false, 1, 2.0 * half, 1e-7),
+        // omega² m/kn = C44 q²/rho m/kn, with C44 d of the table of moduli.
+        ("simple, with springs, across", SIMPLE, true, 1, 0.5 * ratio * q * q, 1e-2),
+        (
+            "body-centred, with springs, across",
+            BODY_CENTRED,
+            true,
+            1,
+            (2.0 + ratio) / 6.0 * q * q,
+            1e-2,
+        ),
+        (
+            "face-centred, with springs, across",
+            FACE_CENTRED,
+            true,
+            1,
+            (1.0 + ratio) / 4.0 * q * q,
+            1e-2,
+        ),
+    ] {
+        let [small, large] = [4e-5, 8e-5]
+            .map(|overlap| frequency_squared(of, axis, overlap, friction) / expected - 1.0);
+        let rest = 2.0 * small - large;
+        println!("{name}: {small:.2e}, beside the overlap {rest:.2e}");
+        assert!(rest.abs() < within, "{name}: {rest:e}");
+        assert!(small.abs() < within + 1e-3, "{name}: {small:e}");
+    }
+}
+
 /// Particles without any contact.
 fn cloud(cell: &str, velocity: &str, step: f64) -> Scene {
     scene(&format!(
