@@ -203,7 +203,7 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
     let table = if needs.patches { contact::table_with_patches } else { contact::table };
     let mut cell = scene.domain;
     if let Some(control) = &scene.cell {
-        Element::begin(control, &mut cell);
+        Element::begin(control, &mut cell, scene.dt);
     }
     let mut particles = Particles::new(needs, scene.library.clone(), scene.walls.clone(), cell);
     particles.groups = scene.groups.iter().map(group).collect();
@@ -454,12 +454,12 @@ fn cell_of(
         (Some(_), Some(_)) if continuation == Continuation::SameStage => return Ok(header.cell),
         (Some(_), Some(control)) => {
             let mut cell = header.cell;
-            Element::begin(control, &mut cell);
+            Element::begin(control, &mut cell, scene.dt);
             return Ok(cell);
         }
         (None, Some(control)) if header.cell.shear().is_none() => {
             let mut cell = scene.domain;
-            Element::begin(control, &mut cell);
+            Element::begin(control, &mut cell, scene.dt);
             return Ok(cell);
         }
         _ => {}

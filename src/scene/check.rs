@@ -177,7 +177,7 @@ impl<'a> Bodies<'a> {
         let shapes = Shapes::read(root, &materials, folder, before);
         let domain_section = root.section("domain");
         let domain = element::domain(root, domain_section.as_ref().and_then(domain).as_ref());
-        let cell = element::control(root);
+        let cell = element::control(root, folder);
         let walls = Walls::read(root, domain_section.as_ref(), domain.as_ref(), &materials, folder);
         let free_walls = walls.free(gravity.unwrap_or_else(Vec3::zeros));
         let of_free = walls.stress_of_free(&free_walls, domain.as_ref());

@@ -1,9 +1,12 @@
 //! `[cell]`: strain of a periodic domain as a whole.
 
+use super::motions;
 use super::reader::{Given, Section};
 use crate::cell::{AXES, Cell};
 use crate::drive::element::{Control, Goal, gradient};
 use crate::measure::COMPONENTS;
+use crate::walls::courses::Way;
+use std::path::Path;
 
 /// The components, in the order of [`COMPONENTS`].
 const NAMES: [&str; 6] = ["xx", "yy", "zz", "xy", "xz", "yz"];
@@ -26,11 +29,11 @@ pub(super) fn domain(root: &Section, domain: Option<&Cell>) -> Option<Cell> {
 
 /// Reads the control of the cell; `None` if it is invalid, and `Some(None)` if there is no `[cell]`.
 #[expect(clippy::option_option, reason = "wrong, none, or one")]
-pub(super) fn control(root: &Section) -> Option<Option<Control>> {
+pub(super) fn control(root: &Section, folder: &Path) -> Option<Option<Control>> {
     let Some(section) = root.section("cell") else {
         return root.get("cell").is_none().then_some(None);
     };
-    let goals = goals(&section)?;
+    let goals = goals(&section, folder)?;
     let number = |key, default| section.number_or(key, default);
     let (ramp, gain) = (number("ramp", 0.0), number("gain", 1.0));
     let max_rate = section.optional("max_rate", Given::number)?;
@@ -51,19 +54,19 @@ pub(super) fn control(root: &Section) -> Option<Option<Control>> {
 }
 
 /// Goals of all components.
-fn goals(section: &Section) -> Option<[Goal; 6]> {
-    let mut given: [Option<Goal>; 6] = [None; 6];
+fn goals(section: &Section, folder: &Path) -> Option<[Goal; 6]> {
+    let mut given: [Option<Goal>; 6] = Default::default();
     for (name, goal) in NAMES.into_iter().zip(&mut given) {
-        *goal = section.optional(name, |given| self::goal(given))?;
+        *goal = section.optional(name, |given| self::goal(given, folder))?;
     }
     if let Some(of_all) = section.get("isotropic") {
         if given[..3].iter().any(Option::is_some) {
             of_all.fail_whole("strains along x, y and z alike: leave out `xx`, `yy` and `zz`");
             return None;
         }
-        let goal = match goal(&of_all)? {
+        let goal = match goal(&of_all, folder)? {
             Goal::Stress(stress) => Goal::MeanStress(stress),
-            rate => rate,
+            other => other,
         };
         given[..3].fill(Some(goal));
     }
@@ -91,16 +94,20 @@ fn goals(section: &Section) -> Option<[Goal; 6]> {
     Some(given.map(|goal| goal.unwrap_or(Goal::Rate(0.0))))
 }
 
-/// A rate or a stress.
-fn goal(given: &Given) -> Option<Goal> {
+/// A rate, a stress, or a path of strain.
+fn goal(given: &Given, folder: &Path) -> Option<Goal> {
     let section = given.section()?;
     let rate = section.optional("rate", Given::number)?;
     let stress = section.optional("stress", Given::number)?;
-    match (rate, stress) {
-        (Some(rate), None) => Some(Goal::Rate(rate)),
-        (None, Some(stress)) => Some(Goal::Stress(stress)),
+    let path = ["table", "amplitude", "frequency"].iter().any(|key| section.get(key).is_some());
+    match (rate, stress, path) {
+        (Some(rate), None, false) => Some(Goal::Rate(rate)),
+        (None, Some(stress), false) => Some(Goal::Stress(stress)),
+        (None, None, true) => motions::way(&section, ("strain", 1.0), folder).map(Goal::Path),
         _ => {
-            given.fail_whole("give either `rate` or `stress`");
+            given.fail_whole(
+                "give one of `rate`, `stress`, `table`, and `amplitude` with `frequency`",
+            );
             None
         }
     }
@@ -138,8 +145,8 @@ pub(super) fn check_course(
     least: f64,
 ) {
     let Some(section) = root.section("cell") else { return };
-    let rates = control.rates(|_| control.max_rate);
-    let fastest = rates.iter().fold(0.0_f64, |most, rate| most.max(rate.abs()));
+    let fastest = control.fastest();
+    let fastest = fastest.iter().fold(0.0_f64, |most, rate| most.max(rate.abs()));
     if fastest * dt > MOST_IN_STEP {
         section.fail(format!(
             "strains by {:.2e} in a step; must be at most {MOST_IN_STEP:e}: a slower rate, at most {:.3e} 1/s, or a shorter step",
@@ -153,9 +160,11 @@ pub(super) fn check_course(
         return;
     }
     let mut cell = *domain;
-    cell.set_rate(&gradient(&rates));
-    for _ in 0..LOOKS {
-        cell.carry(lasts / f64::from(LOOKS), 0.0);
+    let interval = lasts / f64::from(LOOKS);
+    for look in 1..=LOOKS {
+        let rates = control.rates([interval * f64::from(look), interval], |_| 0.0);
+        cell.set_rate(&gradient(&rates));
+        cell.carry(interval, 0.0);
         if let Some((axis, width)) = cell.thin(least).next() {
             let strain = cell.strained().map(|strained| -strained.strain);
             let strains = COMPONENTS.map(|[i, j]| strain.map_or(0.0, |strain| strain[(i, j)]));
@@ -178,6 +187,12 @@ pub(super) fn words(control: &Control) -> String {
     let Control { goals, ramp, max_rate, gain } = control;
     let one = |(k, goal): (usize, &Goal)| match goal {
         Goal::Rate(rate) => format!("{} at {rate} 1/s", NAMES[k]),
+        Goal::Path(Way::Oscillation { amplitude, frequency, .. }) => {
+            format!("{} oscillates by {amplitude} at {frequency} 1/s", NAMES[k])
+        }
+        Goal::Path(way) => {
+            format!("{} by a table, at most {:.3e} 1/s", NAMES[k], way.fastest())
+        }
         Goal::Stress(stress) => format!("{} to {stress:e} Pa", NAMES[k]),
         Goal::MeanStress(stress) => format!("{} with a mean stress of {stress:e} Pa", NAMES[k]),
         Goal::Volume => format!("{} keeps the volume", NAMES[k]),

@@ -222,27 +222,26 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
         mass.zip(force).map(|(mass, force)| How::Freely { mass, force })
     } else {
         section.refuse("force", "is of a wall with a `mass`, which forces move");
-        way(section, turns, folder).map(How::By)
+        let column = if turns { ("angle_deg", 1f64.to_radians()) } else { ("displacement_m", 1.0) };
+        way(section, column, folder).map(How::By)
     };
     Some(Motion { walls: walls?, groups: groups?, kind: kind?, how: how? })
 }
 
-/// An oscillation or a table; the scene has angles in degrees.
-fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
-    let to_si = if turns { 1f64.to_radians() } else { 1.0 };
+/// An oscillation or a table, with values of this column, times a factor.
+pub(super) fn way(section: &Section, column: (&str, f64), folder: &Path) -> Option<Way> {
     if section.get("table").is_some() {
         for key in ["amplitude", "frequency", "phase"] {
             section.refuse(key, "stands beside `table`; a motion is an oscillation or a table");
         }
-        let column = if turns { "angle_deg" } else { "displacement_m" };
-        return table(section, folder, (column, to_si)).map(Way::Table);
+        return table(section, folder, column).map(Way::Table);
     }
     section.refuse("interpolation", "is of a `table`");
     let amplitude = section.number("amplitude");
     let frequency = section.number("frequency");
     let phase = section.number_or("phase", 0.0);
     Some(Way::Oscillation {
-        amplitude: amplitude? * to_si,
+        amplitude: amplitude? * column.1,
         frequency: frequency?,
         phase: phase?.to_radians(),
     })

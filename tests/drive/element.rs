@@ -435,6 +435,51 @@ fn a_strained_cell_is_the_same_on_any_number_of_ranks_and_over_restarts() {
     }
 }
 
+/// Text of a table of strain that rises to 0.02, goes back to 0, and stays.
+const THERE_AND_BACK: &str = "time_s,strain\n0,0.5\n1e-3,0.52\n3e-3,0.5\n";
+
+/// A cell whose length along x follows a table, and which is sheared to and fro.
+fn cyclic(folder: &std::path::Path, rest: &str) -> Scene {
+    let table = folder.join("strain.csv");
+    std::fs::write(&table, THERE_AND_BACK).unwrap();
+    let cell = format!(
+        "[cell]\nxx = {{ table = {table:?} }}\nconstant_volume = true\nxy = {{ amplitude = 0.01, frequency = 500, phase = 30 }}"
+    );
+    scene(&(crowd(&cell, BALL, ROUGH, 4, 3e-6) + rest))
+}
+
+/// Strains are those of the paths at every step, whatever the pressure; the volume stays.
+#[test]
+fn strains_follow_their_paths() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut sim = begun(&cyclic(folder.path(), ""), &mut Alone::default());
+    let volume = sim.particles.cell.volume();
+    for step in 1..=1500 {
+        sim.step(&mut Alone::default()).unwrap();
+        let time = f64::from(step) * 3e-6;
+        let strain = -sim.particles.cell.strained().unwrap().strain;
+        let along = (time / 1e-3).min(1.5 - 0.5 * time / 1e-3).max(0.0) * 0.02;
+        let angle = std::f64::consts::TAU * 500.0 * time + std::f64::consts::FRAC_PI_6;
+        let across = 0.01 * (angle.sin() - 0.5);
+        assert!((strain.m11 - along).abs() < 1e-12, "step {step}: {} for {along}", strain.m11);
+        assert!((strain.m12 - across).abs() < 1e-12, "step {step}: {} for {across}", strain.m12);
+        close(sim.particles.cell.volume(), volume, 1e-9, "volume");
+    }
+    let element = sim.drives.iter().find(|drive| drive.name() == "cell").unwrap();
+    assert_eq!(element.standing().unfinished, None);
+}
+
+/// Identical bits on paths of strain, of which a restart takes up the middle.
+#[test]
+fn paths_of_strain_are_the_same_on_any_number_of_ranks_and_over_restarts() {
+    for seed in [1, 2, 3] {
+        let folder = tempfile::tempdir().unwrap();
+        let rest = format!("[neighbours]\nimbalance = 1.02\norder_every = {}\n", 100 * seed);
+        let scene = cyclic(folder.path(), &rest);
+        OnRanks::of(&scene).the_same_on(1200, &[2, 3, 4], &[[3, 2], [1, 4]]);
+    }
+}
+
 /// Images of a leaning cell follow its edges, and the nearest one is found for any choice of edges.
 #[test]
 fn images_of_a_leaning_cell_are_nearest() {

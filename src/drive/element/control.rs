@@ -13,13 +13,16 @@
 
 use crate::math::Vec3;
 use crate::measure::COMPONENTS;
+use crate::walls::courses::Way;
 use serde::{Deserialize, Serialize};
 
 /// Required strain rate or stress of a component; compression positive.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Goal {
     /// Strain rate [1/s].
     Rate(f64),
+    /// Strain over the time since the stage began [-].
+    Path(Way),
     /// Stress [Pa].
     Stress(f64),
     /// Mean stress along x, y and z, which have equal rates [Pa].
@@ -33,7 +36,7 @@ impl Goal {
     pub const fn stress(&self) -> Option<f64> {
         match *self {
             Self::Stress(stress) | Self::MeanStress(stress) => Some(stress),
-            Self::Rate(_) | Self::Volume => None,
+            Self::Rate(_) | Self::Path(_) | Self::Volume => None,
         }
     }
 }
@@ -85,12 +88,39 @@ impl Control {
         self.targets().next().is_some()
     }
 
-    /// Rates of all components, from those of components with a stress [1/s].
-    pub fn rates(&self, mut of_stress: impl FnMut(usize) -> f64) -> [f64; 6] {
+    /// Does a rate change with time or stress?
+    pub fn is_steered(&self) -> bool {
+        self.has_target() || self.goals.iter().any(|goal| matches!(goal, Goal::Path(_)))
+    }
+
+    /// Time since the stage began at which the last path ends [s]; `None` if no path ends.
+    pub fn end_of_paths(&self) -> Option<f64> {
+        let end = |goal: &Goal| if let Goal::Path(way) = goal { way.end() } else { None };
+        self.goals.iter().filter_map(end).reduce(f64::max)
+    }
+
+    /// Largest rates of all components at any time [1/s].
+    pub fn fastest(&self) -> [f64; 6] {
+        let of_path = |way: &Way| way.fastest();
+        self.rates_by(of_path, |_| self.max_rate)
+    }
+
+    /// Rates of all components over the step of `dt` that ends at a time since the stage began, from those of components with a stress
+    /// [1/s]. Times in s.
+    pub fn rates(&self, [end, dt]: [f64; 2], of_stress: impl FnMut(usize) -> f64) -> [f64; 6] {
+        self.rates_by(|way| way.mean_rate(end, dt), of_stress)
+    }
+
+    fn rates_by(
+        &self,
+        of_path: impl Fn(&Way) -> f64,
+        mut of_stress: impl FnMut(usize) -> f64,
+    ) -> [f64; 6] {
         let mut rates = [0.0; 6];
         for (k, goal) in self.goals.iter().enumerate() {
             rates[k] = match goal {
                 Goal::Rate(rate) => *rate,
+                Goal::Path(way) => of_path(way),
                 Goal::Stress(_) => of_stress(k),
                 Goal::MeanStress(_) if k > 0 => rates[0],
                 Goal::MeanStress(_) => of_stress(0),

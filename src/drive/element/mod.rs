@@ -38,6 +38,8 @@ pub struct Element {
     warnings: Vec<String>,
     /// Is a target still ramping?
     ramps: bool,
+    /// Has a path of strain not ended?
+    on_path: bool,
 }
 
 /// Velocity gradient of a flow with these strain rates, compression positive [1/s].
@@ -57,6 +59,7 @@ impl Element {
         let sums = if control.has_target() { SUMS } else { 0 };
         Self {
             ramps: control.ramp > 0.0 && control.has_target(),
+            on_path: control.end_of_paths().is_some(),
             control,
             states: Default::default(),
             records: Default::default(),
@@ -66,21 +69,22 @@ impl Element {
         }
     }
 
-    /// Sets the rates of a cell that do not depend on stress, for the first step of a stage.
-    pub fn begin(control: &Control, cell: &mut Cell) {
-        cell.set_rate(&gradient(&control.rates(|_| 0.0)));
+    /// Sets the rates of a cell that do not depend on stress, for the first step of a stage, of `dt` [s].
+    pub fn begin(control: &Control, cell: &mut Cell, dt: f64) {
+        cell.set_rate(&gradient(&control.rates([dt; 2], |_| 0.0)));
     }
 
     /// Sets the rate of the cell for the next step.
     fn steer_cell(&mut self, pressed: &Pressed, steering: &mut Steering) {
-        let Self { control, states, records, has_begun, warnings, ramps, .. } = self;
+        let Self { control, states, records, has_begun, warnings, ramps, on_path, .. } = self;
         let moment = steering.moment;
         // The rate belongs to the step after this one.
         let time = moment.stage_time + 2.0 * moment.dt;
         *ramps = control.has_target() && time < control.ramp;
+        *on_path = control.end_of_paths().is_some_and(|end| time < end);
         let scale = scale_of(control, states, pressed, *has_begun);
-        let goals = control.goals;
-        let rates = control.rates(|k| {
+        let goals = &control.goals;
+        let rates = control.rates([time, moment.dt], |k| {
             let goal = goals[k].stress().unwrap_or_default();
             let now = pressed.of(&goals[k], k);
             let state = &mut states[k];
@@ -110,6 +114,13 @@ impl Element {
         let all = self.control.targets();
         let all = all.map(|(k, goal)| (k, goal, self.records[k].course.last_fifth()));
         all.filter(|(.., late)| late.steps > 0.0)
+    }
+
+    const fn unfinished(&self) -> Option<&'static str> {
+        if self.ramps {
+            return Some("the targets of the cell are still under way");
+        }
+        if self.on_path { Some("the strain paths of the cell have not ended") } else { None }
     }
 
     /// Stress by which errors of a component are divided [Pa].
@@ -144,16 +155,17 @@ impl Drive for Element {
     }
 
     fn steer(&mut self, mut steering: Steering) -> Result<(), DriveError> {
-        if self.sums.is_empty() {
+        if !self.control.is_steered() {
             return Ok(());
         }
-        let volume = steering.cell.volume();
-        let sums = ExactSum::values(steering.sums);
-        let (stress, moduli) = sums.split_at(COMPONENTS.len());
-        let pressed = Pressed {
-            stress: std::array::from_fn(|k| stress[k] / volume),
-            moduli: Vec3::from_column_slice(moduli) / volume,
-        };
+        let mut pressed = Pressed::default();
+        if !self.sums.is_empty() {
+            let volume = steering.cell.volume();
+            let sums = ExactSum::values(steering.sums);
+            let (stress, moduli) = sums.split_at(COMPONENTS.len());
+            pressed.stress = std::array::from_fn(|k| stress[k] / volume);
+            pressed.moduli = Vec3::from_column_slice(moduli) / volume;
+        }
         self.steer_cell(&pressed, &mut steering);
         Ok(())
     }
@@ -217,7 +229,7 @@ impl Reporter for Element {
         };
         let largest = self.control.targets().map(error).reduce(f64::max);
         Standing {
-            unfinished: self.ramps.then_some("the targets of the cell are still under way"),
+            unfinished: self.unfinished(),
             error: largest.map(|error| ("cell", error)),
             ..Standing::default()
         }

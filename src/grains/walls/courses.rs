@@ -113,7 +113,8 @@ impl Way {
         }
     }
 
-    fn mean_rate(&self, time: f64, dt: f64) -> f64 {
+    /// Mean rate over the step of `dt` that ends at this time [s].
+    pub fn mean_rate(&self, time: f64, dt: f64) -> f64 {
         match self {
             Self::Steady(rate) => *rate,
             Self::Oscillation { amplitude, frequency, phase } => {
@@ -156,12 +157,12 @@ impl Way {
     }
 
     /// Time of the last row, after which the value is constant [s]; `None` for a motion without end.
-    fn end(&self) -> Option<f64> {
+    pub fn end(&self) -> Option<f64> {
         if let Self::Table(table) = self { table.times.last().copied() } else { None }
     }
 
     /// Largest rate at any time [m/s, rad/s].
-    fn fastest(&self) -> f64 {
+    pub fn fastest(&self) -> f64 {
         match self {
             Self::Steady(rate) => rate.abs(),
             Self::Oscillation { amplitude, frequency, .. } => (amplitude * TAU * frequency).abs(),
