@@ -1,6 +1,8 @@
 //! The guide is true: its scenes can be read, its links lead somewhere, and its list of keys is complete.
 
 use anyhow::Context;
+use dem_mpi::cell::Cell;
+use dem_mpi::output::table::Columns;
 use dem_mpi::scene::{Scene, keys};
 use std::collections::BTreeSet;
 use std::fs;
@@ -27,6 +29,20 @@ fn scenes(page: &str) -> Vec<String> {
     blocks.map(|rest| rest.split("```").next().unwrap().to_owned()).collect()
 }
 
+/// Whether everything that a part says stands in the whole; of a list of tables each has its like there.
+fn is_part(part: &Value, whole: &Value) -> bool {
+    let is_table = |values: &[Value]| values.iter().all(Value::is_table) && !values.is_empty();
+    match (part, whole) {
+        (Value::Table(part), Value::Table(whole)) => part
+            .iter()
+            .all(|(key, value)| whole.get(key).is_some_and(|in_it| is_part(value, in_it))),
+        (Value::Array(part), Value::Array(whole)) if is_table(part) => {
+            part.iter().all(|value| whole.iter().any(|in_it| is_part(value, in_it)))
+        }
+        _ => part == whole,
+    }
+}
+
 /// Completes a part of a scene with the other tables of the first scene.
 fn completed(part: &str) -> anyhow::Result<String> {
     let mut scene: Table = fs::read_to_string("run/first/scene.toml")?.parse()?;
@@ -44,10 +60,21 @@ fn completed(part: &str) -> anyhow::Result<String> {
 
 #[test]
 fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
-    let mut count = 0;
+    let (mut count, mut parts) = (0, 0);
     for path in pages()? {
         for (k, block) in scenes(&fs::read_to_string(&path)?).iter().enumerate() {
             let name = format!("{}, block {k}", path.display());
+            // A part of a ready scene, which is named above it.
+            let scene = block.lines().next().and_then(|line| line.strip_prefix("# run/"));
+            if let Some(scene) = scene {
+                let whole = fs::read_to_string(Path::new("run").join(scene))
+                    .with_context(|| name.clone())?;
+                let whole = Value::Table(whole.parse::<Table>().with_context(|| name.clone())?);
+                let part = Value::Table(block.parse::<Table>().with_context(|| name.clone())?);
+                assert!(is_part(&part, &whole), "{name}: is not in run/{scene}");
+                parts += 1;
+                continue;
+            }
             if block.contains("include =") || block.contains("like =") {
                 // The included files or the earlier stage do not exist here.
                 block.parse::<Table>().with_context(|| name)?;
@@ -58,7 +85,7 @@ fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
             count += 1;
         }
     }
-    assert!(count >= 9, "{count} scenes");
+    assert!(count >= 9 && parts >= 9, "{count} scenes, {parts} parts of ready ones");
     Ok(())
 }
 
@@ -234,5 +261,16 @@ fn the_table_of_contents_has_every_page_once() -> anyhow::Result<()> {
         let titles = prose(&text).filter(|line| line.starts_with("# ")).count();
         assert_eq!(titles, 1, "{}: titles", page.display());
     }
+    Ok(())
+}
+
+/// The page of `history.csv` has each column of a run without walls.
+#[test]
+fn columns_of_the_history_have_a_page() -> anyhow::Result<()> {
+    let page = fs::read_to_string("src/guide/history.md")?;
+    let names = Columns::of(&[], Cell::OPEN).names(&[], &[]);
+    let missing: Vec<_> =
+        names.iter().filter(|name| !page.contains(&format!("`{name}`"))).collect();
+    assert!(missing.is_empty(), "{missing:?}");
     Ok(())
 }
