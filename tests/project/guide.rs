@@ -65,13 +65,12 @@ fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
         for (k, block) in scenes(&fs::read_to_string(&path)?).iter().enumerate() {
             let name = format!("{}, block {k}", path.display());
             // A part of a ready scene, which is named above it.
-            let scene = block.lines().next().and_then(|line| line.strip_prefix("# run/"));
-            if let Some(scene) = scene {
-                let whole = fs::read_to_string(Path::new("run").join(scene))
-                    .with_context(|| name.clone())?;
+            let first = block.lines().next().and_then(|line| line.strip_prefix("# "));
+            if let Some(scene) = first.filter(|scene| scene.ends_with(".toml")) {
+                let whole = fs::read_to_string(scene).with_context(|| name.clone())?;
                 let whole = Value::Table(whole.parse::<Table>().with_context(|| name.clone())?);
                 let part = Value::Table(block.parse::<Table>().with_context(|| name.clone())?);
-                assert!(is_part(&part, &whole), "{name}: is not in run/{scene}");
+                assert!(is_part(&part, &whole), "{name}: is not in {scene}");
                 parts += 1;
                 continue;
             }
@@ -86,6 +85,24 @@ fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
         }
     }
     assert!(count >= 9 && parts >= 9, "{count} scenes, {parts} parts of ready ones");
+    Ok(())
+}
+
+/// Decks of other codes in the guide are those that are run.
+#[test]
+fn decks_are_those_of_the_benchmarks() -> anyhow::Result<()> {
+    let mut seen = 0;
+    for path in pages()? {
+        let text = fs::read_to_string(&path)?;
+        let blocks = text.split("```text\n# benchmarks/").skip(1);
+        for (name, block) in blocks.filter_map(|rest| rest.split("```").next()?.split_once('\n')) {
+            let deck = fs::read_to_string(Path::new("benchmarks").join(name))?;
+            let lines: Vec<_> = deck.lines().filter(|line| !line.starts_with('#')).collect();
+            assert_eq!(block.lines().collect::<Vec<_>>(), lines, "{}: {name}", path.display());
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 2);
     Ok(())
 }
 
