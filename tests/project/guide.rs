@@ -262,6 +262,20 @@ fn links_lead_to_files_and_headings() -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The list of keys names pages of the book, as text for terminals.
+#[test]
+fn pages_that_keys_name_exist() -> anyhow::Result<()> {
+    let keys = fs::read_to_string("src/scene/keys.md")?;
+    assert!(!keys.contains("crate::guide"), "a page is named as (the book's page `walls.md`)");
+    let named = keys.split("the book's page `").skip(1).filter_map(|rest| rest.split_once('`'));
+    let named: BTreeSet<&str> = named.map(|(page, _)| page).collect();
+    assert!(named.len() >= 5, "{named:?}");
+    for page in named {
+        assert!(Path::new("src/guide").join(page).is_file(), "{page}");
+    }
+    Ok(())
+}
+
 /// The table of contents has every page once, and each page begins with its title.
 #[test]
 fn the_table_of_contents_has_every_page_once() -> anyhow::Result<()> {
