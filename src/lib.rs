@@ -21,7 +21,8 @@
 //! | 14 | [`output`] | output files |
 //! | 15 | [`sim`] [`post`] | the step and the run; analysis of snapshots |
 //! | 16 | [`scene`] | the user's file, checked and turned into a simulation |
-//! | 17 | [`guide`] | pages for users |
+//!
+//! Pages for users are a book in `src/guide`, which `run/book` makes.
 //!
 //! They are in three crates. `dem-law` (`src/law`) is [`law`], which takes longest to compile. `dem-grains` (`src/grains`)
 //! has the other rows up to [`search`], except [`arguments`] and [`comm`], and needs neither MPI nor HDF5. This crate has
@@ -66,4 +67,7 @@ pub mod sim;
 
 pub mod scene;
 
-pub mod guide;
+// The programs in the guide are tested.
+#[cfg(doctest)]
+#[doc = include_str!("guide/extend.md")]
+struct Extend;

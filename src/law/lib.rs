@@ -1,6 +1,6 @@
 //! Force laws: from the geometry of a contact to the forces and moments of its bodies.
 //!
-//! The guide of `dem-mpi` shows a complete law of one's own, `guide::extend`.
+//! The guide of `dem-mpi` shows a complete law of one's own, `src/guide/extend.md`.
 //!
 //! This is a separate crate, because a kernel is compiled for each law and each kind of processor, which takes most of the
 //! build time.

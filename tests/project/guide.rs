@@ -1,16 +1,46 @@
-//! The guide is true: its scenes can be read, and its list of keys is complete.
+//! The guide is true: its scenes can be read, its links lead somewhere, and its list of keys is complete.
 
 use anyhow::Context;
+use dem_mpi::cell::Cell;
+use dem_mpi::output::table::Columns;
 use dem_mpi::scene::{Scene, keys};
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use toml::{Table, Value};
+
+/// Pages of the book, without its table of contents.
+fn pages() -> anyhow::Result<Vec<PathBuf>> {
+    let mut pages = Vec::new();
+    for entry in fs::read_dir("src/guide")? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|e| e == "md") && !path.ends_with("SUMMARY.md") {
+            pages.push(path);
+        }
+    }
+    pages.sort();
+    assert!(pages.len() >= 12, "{pages:?}");
+    Ok(pages)
+}
 
 /// TOML blocks of a page.
 fn scenes(page: &str) -> Vec<String> {
     let blocks = page.split("```toml\n").skip(1);
     blocks.map(|rest| rest.split("```").next().unwrap().to_owned()).collect()
+}
+
+/// Whether everything that a part says stands in the whole; of a list of tables each has its like there.
+fn is_part(part: &Value, whole: &Value) -> bool {
+    let is_table = |values: &[Value]| values.iter().all(Value::is_table) && !values.is_empty();
+    match (part, whole) {
+        (Value::Table(part), Value::Table(whole)) => part
+            .iter()
+            .all(|(key, value)| whole.get(key).is_some_and(|in_it| is_part(value, in_it))),
+        (Value::Array(part), Value::Array(whole)) if is_table(part) => {
+            part.iter().all(|value| whole.iter().any(|in_it| is_part(value, in_it)))
+        }
+        _ => part == whole,
+    }
 }
 
 /// Completes a part of a scene with the other tables of the first scene.
@@ -30,14 +60,20 @@ fn completed(part: &str) -> anyhow::Result<String> {
 
 #[test]
 fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
-    let mut count = 0;
-    for entry in fs::read_dir("src/guide")? {
-        let path = entry?.path();
-        if path.extension().is_none_or(|e| e != "md") {
-            continue;
-        }
+    let (mut count, mut parts) = (0, 0);
+    for path in pages()? {
         for (k, block) in scenes(&fs::read_to_string(&path)?).iter().enumerate() {
             let name = format!("{}, block {k}", path.display());
+            // A part of a ready scene, which is named above it.
+            let first = block.lines().next().and_then(|line| line.strip_prefix("# "));
+            if let Some(scene) = first.filter(|scene| scene.ends_with(".toml")) {
+                let whole = fs::read_to_string(scene).with_context(|| name.clone())?;
+                let whole = Value::Table(whole.parse::<Table>().with_context(|| name.clone())?);
+                let part = Value::Table(block.parse::<Table>().with_context(|| name.clone())?);
+                assert!(is_part(&part, &whole), "{name}: is not in {scene}");
+                parts += 1;
+                continue;
+            }
             if block.contains("include =") || block.contains("like =") {
                 // The included files or the earlier stage do not exist here.
                 block.parse::<Table>().with_context(|| name)?;
@@ -48,7 +84,25 @@ fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
             count += 1;
         }
     }
-    assert!(count >= 9, "{count} scenes");
+    assert!(count >= 9 && parts >= 9, "{count} scenes, {parts} parts of ready ones");
+    Ok(())
+}
+
+/// Decks of other codes in the guide are those that are run.
+#[test]
+fn decks_are_those_of_the_benchmarks() -> anyhow::Result<()> {
+    let mut seen = 0;
+    for path in pages()? {
+        let text = fs::read_to_string(&path)?;
+        let blocks = text.split("```text\n# benchmarks/").skip(1);
+        for (name, block) in blocks.filter_map(|rest| rest.split("```").next()?.split_once('\n')) {
+            let deck = fs::read_to_string(Path::new("benchmarks").join(name))?;
+            let lines: Vec<_> = deck.lines().filter(|line| !line.starts_with('#')).collect();
+            assert_eq!(block.lines().collect::<Vec<_>>(), lines, "{}: {name}", path.display());
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 2);
     Ok(())
 }
 
@@ -124,14 +178,8 @@ fn keys_are_printed_by_table() {
 fn sentences_begin_with_their_subject() -> anyhow::Result<()> {
     const HIDDEN: [&str; 7] =
         ["What ", "Which ", "Whoever ", "Those of ", "That of ", "The same ", "Of "];
-    let mut pages = vec![Path::new("README.md").to_owned(), "benchmarks/README.md".into()];
-    for entry in fs::read_dir("src/guide")? {
-        let path = entry?.path();
-        // The list of changes keeps its original wording.
-        if path.extension().is_some_and(|e| e == "md") && !path.ends_with("changes.md") {
-            pages.push(path);
-        }
-    }
+    let mut pages: Vec<PathBuf> = vec!["README.md".into(), "benchmarks/README.md".into()];
+    pages.extend(self::pages()?);
     let mut wrong = Vec::new();
     for page in pages {
         let text = fs::read_to_string(&page)?;
@@ -144,5 +192,115 @@ fn sentences_begin_with_their_subject() -> anyhow::Result<()> {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    Ok(())
+}
+
+/// Lines of a page outside its blocks of code.
+fn prose(text: &str) -> impl Iterator<Item = &str> {
+    let mut code = false;
+    text.lines().filter(move |line| {
+        let fence = line.trim_start().starts_with("```");
+        code ^= fence;
+        !code && !fence
+    })
+}
+
+/// A heading as an anchor, as mdBook and GitHub make it.
+fn slug(heading: &str) -> String {
+    let kept = heading.chars().filter(|c| c.is_alphanumeric() || [' ', '-', '_'].contains(c));
+    kept.flat_map(char::to_lowercase).map(|c| if c == ' ' { '-' } else { c }).collect()
+}
+
+/// Anchors of a page: those of its headings.
+fn anchors(text: &str) -> Vec<String> {
+    let titles = prose(text).filter(|line| line.starts_with('#'));
+    titles.map(|line| slug(line.trim_start_matches('#').trim())).collect()
+}
+
+/// Targets of the links and images of a line; code between backticks has none.
+fn targets(line: &str) -> Vec<String> {
+    let plain: String = line.split('`').step_by(2).collect::<Vec<_>>().join("code");
+    let markdown = plain.split("](").skip(1).filter_map(|rest| rest.split_once(')'));
+    let html = plain.split("src=\"").skip(1).filter_map(|rest| rest.split_once('"'));
+    markdown.chain(html).map(|(target, _)| target.to_owned()).collect()
+}
+
+#[test]
+fn links_lead_to_files_and_headings() -> anyhow::Result<()> {
+    let mut files = pages()?;
+    files.extend(["README.md", "benchmarks/README.md", "src/guide/SUMMARY.md"].map(PathBuf::from));
+    for folder in ["run", "benchmarks", "benchmarks/records"] {
+        for entry in fs::read_dir(folder)? {
+            let page = entry?.path().join("README.md");
+            files.extend(page.is_file().then_some(page));
+        }
+    }
+    let mut seen = 0;
+    let mut wrong = Vec::new();
+    for file in files {
+        let text = fs::read_to_string(&file)?;
+        for target in prose(&text).flat_map(targets) {
+            if target.contains("://") {
+                continue;
+            }
+            seen += 1;
+            let (path, anchor) = target.split_once('#').unwrap_or((&target, ""));
+            let to = match path {
+                "" => file.clone(),
+                path => file.parent().unwrap().join(path),
+            };
+            let found = to.exists()
+                && (anchor.is_empty()
+                    || anchors(&fs::read_to_string(&to)?).iter().any(|a| a == anchor));
+            if !found {
+                wrong.push(format!("{}: {target}", file.display()));
+            }
+        }
+    }
+    assert!(seen > 100, "only {seen} links were found");
+    assert!(wrong.is_empty(), "dead links:\n{}", wrong.join("\n"));
+    Ok(())
+}
+
+/// The list of keys names pages of the book, as text for terminals.
+#[test]
+fn pages_that_keys_name_exist() -> anyhow::Result<()> {
+    let keys = fs::read_to_string("src/scene/keys.md")?;
+    assert!(!keys.contains("crate::guide"), "a page is named as (the book's page `walls.md`)");
+    let named = keys.split("the book's page `").skip(1).filter_map(|rest| rest.split_once('`'));
+    let named: BTreeSet<&str> = named.map(|(page, _)| page).collect();
+    assert!(named.len() >= 5, "{named:?}");
+    for page in named {
+        assert!(Path::new("src/guide").join(page).is_file(), "{page}");
+    }
+    Ok(())
+}
+
+/// The table of contents has every page once, and each page begins with its title.
+#[test]
+fn the_table_of_contents_has_every_page_once() -> anyhow::Result<()> {
+    let summary = fs::read_to_string("src/guide/SUMMARY.md")?;
+    let mut listed: Vec<PathBuf> =
+        summary.lines().flat_map(targets).map(|page| Path::new("src/guide").join(page)).collect();
+    listed.sort();
+    let pages = pages()?;
+    assert_eq!(listed, pages);
+    for page in pages {
+        let text = fs::read_to_string(&page)?;
+        assert!(text.starts_with("# "), "{}: no title", page.display());
+        let titles = prose(&text).filter(|line| line.starts_with("# ")).count();
+        assert_eq!(titles, 1, "{}: titles", page.display());
+    }
+    Ok(())
+}
+
+/// The page of `history.csv` has each column of a run without walls.
+#[test]
+fn columns_of_the_history_have_a_page() -> anyhow::Result<()> {
+    let page = fs::read_to_string("src/guide/history.md")?;
+    let names = Columns::of(&[], Cell::OPEN).names(&[], &[]);
+    let missing: Vec<_> =
+        names.iter().filter(|name| !page.contains(&format!("`{name}`"))).collect();
+    assert!(missing.is_empty(), "{missing:?}");
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules by row, in the order of `src/lib.rs`.
-const ROWS: [&[&str]; 17] = [
+const ROWS: [&[&str]; 16] = [
     &["ids", "math", "lanes", "timing", "files"],
     &["text", "random"],
     &["arguments"],
@@ -22,7 +22,6 @@ const ROWS: [&[&str]; 17] = [
     &["output"],
     &["sim", "post"],
     &["scene"],
-    &["guide"],
 ];
 
 fn sources(folder: &Path, into: &mut Vec<PathBuf>) {

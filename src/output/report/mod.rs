@@ -62,7 +62,7 @@ pub fn commit() -> Option<&'static str> {
     option_env!("DEM_MPI_COMMIT").filter(|commit| !commit.is_empty())
 }
 
-/// Version of this program, with the commit if it is known: `0.1.0 (f8ca4e2)`.
+/// Version of this program, with the commit if it is known: `0.2.0 (f8ca4e2)`.
 pub fn version() -> &'static str {
     static VERSION: LazyLock<String> = LazyLock::new(|| {
         let commit = commit().map_or_else(String::new, |commit| format!(" ({commit})"));
