@@ -551,7 +551,7 @@ fn what_does_not_go_with_a_cell_is_refused() {
             "max_rate = 1.0\nzz = { rate = 0 }\nconstant_volume = true",
             "no component is left",
         ),
-        ("{ rate = 0.1 }", "{ rate = 0.1, stress = 1.0 }", "either `rate` or `stress`"),
+        ("{ rate = 0.1 }", "{ rate = 0.1, stress = 1.0 }", "one of `rate`, `stress`, `table`"),
         ("{ rate = 0.1 }", "{ rate = 1e3 }", "in a step"),
         ("yy = { stress = 1e3 }\nmax_rate = 1.0", "max_rate = 1.0", "nothing has a `stress`"),
         ("[time]", "[stop]\nservo = 0.1\n[time]", "there is no [[servo]]"),
