@@ -3,7 +3,7 @@
 
 use super::fabric::contacts_with;
 use super::plots::views;
-use crate::support::packings::{Snapshot, header, particles_at};
+use crate::support::packings::{Snapshot, ellipsoids, header, particles_at};
 use crate::support::random::Draw;
 use dem_mpi::math::{Quat, Vec3};
 use dem_mpi::output::header::WallRow;
@@ -323,6 +323,18 @@ fn distributions_count_contacts() {
         counted += high;
     }
     assert!((counted - 100.0).abs() < 1.0, "{counted}");
+
+    let packing = ellipsoids(5, 8).report().coordination;
+    let drawn = Chart::read(&plots::coordination(&packing).unwrap().svg);
+    let mut all = 0.0;
+    for (_, [from, to, high]) in drawn.bars.iter().filter(|(colour, _)| colour == BLUE_OF_SVG) {
+        let count = (0.5 * (from + to)).round() as usize;
+        let share =
+            100.0 * packing.without_walls.shares().nth(count).expect("a number of contacts");
+        assert!((high - share).abs() < drawn.y.tolerance(*high), "{count}: {high} {share}");
+        all += high;
+    }
+    assert!((all - 100.0).abs() < 2.0, "{all}");
 
     let plot = plots::force_distribution(&found.normal, &found.shear).unwrap();
     let densities = Chart::read(&plot.svg);

@@ -126,6 +126,9 @@ fn shapes_are_told_and_drawn() {
     );
     assert!(ell.contains("piece 3") && !ell.contains("piece 4"), "{ell}");
     let vtp = fs::read(at.join("drawn/ell.vtp")).unwrap();
+    let points: Vec<f64> = arrays(&vtp)("Points");
+    let count = format!("NumberOfPoints=\"{}\"", points.len() / 3);
+    assert!(String::from_utf8_lossy(&vtp).contains(&count), "{count}");
     let pieces: Vec<i32> = arrays(&vtp)("piece");
     assert_eq!(
         (0..3).map(|k| pieces.iter().filter(|&&p| p == k).count()).collect::<Vec<_>>(),

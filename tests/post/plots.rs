@@ -353,6 +353,9 @@ fn the_layers_of_a_profile_make_up_the_packing() {
             |of: &dyn Fn(&Layer) -> f64| layers.iter().map(of).sum::<f64>() / layers.len() as f64;
         let solid = mean(&|layer| layer.solid_fraction) / report.summary.solid_fraction.unwrap();
         assert!((solid - 1.0).abs() < 1e-9, "{solid}");
+        let Bounds { low, high } = report.bounds_m.unwrap();
+        let middle = 2.0 * mean(&|layer| layer.height) / (low.z + high.z);
+        assert!((middle - 1.0).abs() < 1e-9, "{middle}");
         let expected = report.stress_pa.unwrap().tensor;
         for k in 0..9 {
             let found = mean(&|layer| layer.stress[k]);
