@@ -791,26 +791,8 @@ impl<M: Model> Contacts<'_, '_, M> {
             (shares * of_adhesion).store(),
         ];
         let impulse = if with_walls {
-            let half_step = L::all(0.5 * dt);
-            let straight = done.last_force.plus(done.force).times(half_step);
-            let turning = if turning_walls {
-                let now = arms.now[1].cross(done.force);
-                let mut sum = arms.last[1].cross(done.last_force).plus(now);
-                if M::MOMENTS || CURVED {
-                    sum = sum.plus(done.last_moment.plus(done.moment));
-                }
-                Some(sum.times(half_step).store())
-            } else {
-                None
-            };
-            let of_belts = match belts {
-                Some([now, last]) => {
-                    let power = done.force.dot(now) + done.last_force.dot(last);
-                    Some((half_step * power).store())
-                }
-                None => None,
-            };
-            Some(Impulse { straight: straight.store(), turning, of_belts })
+            let on_arms = if turning_walls { Some(&arms) } else { None };
+            Some(done.impulse::<M, CURVED>(on_arms, belts, L::all(0.5 * dt)))
         } else {
             None
         };
@@ -1198,6 +1180,36 @@ impl<L: Eight> Done<L> {
             return [on_b.plus(self.moment), on_a.minus(self.moment)];
         }
         [on_b, on_a]
+    }
+
+    /// Impulse on walls over two half steps [s], with `arms` of walls that turn and velocities of `belts` now and at the last step [m/s].
+    #[inline(always)]
+    fn impulse<M: Model, const CURVED: bool>(
+        &self,
+        arms: Option<&Arms<L>>,
+        belts: Option<[Triple<L>; 2]>,
+        half_step: L,
+    ) -> Impulse {
+        let straight = self.last_force.plus(self.force).times(half_step);
+        let turning = match arms {
+            Some(arms) => {
+                let now = arms.now[1].cross(self.force);
+                let mut sum = arms.last[1].cross(self.last_force).plus(now);
+                if M::MOMENTS || CURVED {
+                    sum = sum.plus(self.last_moment.plus(self.moment));
+                }
+                Some(sum.times(half_step).store())
+            }
+            None => None,
+        };
+        let of_belts = match belts {
+            Some([now, last]) => {
+                let power = self.force.dot(now) + self.last_force.dot(last);
+                Some((half_step * power).store())
+            }
+            None => None,
+        };
+        Impulse { straight: straight.store(), turning, of_belts }
     }
 }
 

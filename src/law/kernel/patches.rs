@@ -27,9 +27,9 @@
 
 use super::balance::{Powers, Stored};
 use super::{
-    Arms, CONTACT_POINT, Contact, Contacts, Geometry, GeometryInLanes, Kept, Lost, MOST_STATE,
-    MOST_STATE_OF_MOMENTS, Model, Pair, Particles, Separated, Slot, add, geometries_at, pieces,
-    read_state, rows_at, triple as in_lanes, vector, vectors,
+    Action, Arms, CONTACT_POINT, Contact, Contacts, Geometry, GeometryInLanes, Kept, Lost,
+    MOST_STATE, MOST_STATE_OF_MOMENTS, Model, Pair, Particles, Separated, Slot, add, geometries_at,
+    pieces, read_state, rows_at, triple as in_lanes, vector, vectors,
 };
 use crate::contact::{Previous, StateColumn};
 use crate::lanes::{Eight, Gather, Kernel, Row, RowPairs, Triple, WIDTH};
@@ -248,6 +248,28 @@ struct Window {
     wall_work: [f64; WINDOW],
 }
 
+impl Window {
+    /// Notes rows of the force on B, and of the moments on B and A, of contacts at these places in a window that begins at `first`.
+    #[inline(always)]
+    fn note<R: Row>(&mut self, places: &[u32], first: usize, rows: &[[R; WIDTH]; 3]) {
+        let [forces, on_b, on_a] = rows;
+        for (lane, &place) in places.iter().enumerate() {
+            let place = place as usize - first;
+            forces[lane].write(&mut self.forces[place]);
+            on_b[lane].write(&mut self.torques[place][0]);
+            on_a[lane].write(&mut self.torques[place][1]);
+        }
+    }
+
+    /// Notes the losses of each body to tangential dashpots and to moments [J].
+    #[inline(always)]
+    fn note_parts(&mut self, places: &[u32], first: usize, parts: [[f64; WIDTH]; 2]) {
+        for (lane, &place) in places.iter().enumerate() {
+            self.parts[place as usize - first] = [parts[0][lane], parts[1][lane], 0.0];
+        }
+    }
+}
+
 /// State of eight contacts without a patch.
 #[derive(Clone, Copy)]
 struct MemoryInLanes<L> {
@@ -256,6 +278,14 @@ struct MemoryInLanes<L> {
     force: Triple<L>,
     moment: Triple<L>,
     press: L,
+}
+
+impl<L: Eight> MemoryInLanes<L> {
+    /// Viscous part of the tangential force, beside an elastic part `rub` [N].
+    #[inline(always)]
+    fn viscous(&self, normal: Triple<L>, rub: Triple<L>) -> Triple<L> {
+        self.force.minus(normal.times(self.force.dot(normal))).minus(rub)
+    }
 }
 
 /// Eight contacts without a patch.
@@ -267,6 +297,17 @@ struct Picked<L> {
     now: GeometryInLanes<L>,
     last: GeometryInLanes<L>,
     before: MemoryInLanes<L>,
+}
+
+/// Eight contacts without a patch at a step.
+struct Instant<L> {
+    normal: Triple<L>,
+    /// Normal force without that of the spring [N].
+    beyond: L,
+    memory: MemoryInLanes<L>,
+    action: Action<L>,
+    /// Elastic energy of moments [J].
+    turned: L,
 }
 
 /// Forces and moments of one contact.
@@ -344,15 +385,13 @@ impl<M: Model> Contacts<'_, '_, M> {
         } else {
             super::Motion::none()
         };
-
         let belts = if MOVES && with_walls { super::belts::<L>(particles, b) } else { None };
         let belts = motion.carried_by(belts, [&now, &last]);
 
         let mut contact = motion.contact(&last, &now, dt).timed(zero);
         let last_acting = law.model.last(&constants, last.overlap, state);
         if law.needs.ahead {
-            let along = last.normal.times(before.force.dot(last.normal));
-            contact.last_viscous = before.force.minus(along).minus(last_acting.rub);
+            contact.last_viscous = before.viscous(last.normal, last_acting.rub);
         }
         let turned_before =
             if M::MOMENTS { law.model.turned(&constants, last.overlap, state) } else { zero };
@@ -370,66 +409,88 @@ impl<M: Model> Contacts<'_, '_, M> {
         if M::MOMENTS {
             on = [on[0].plus(acting.moment), on[1].minus(acting.moment)];
         }
-
         let mut lost = Lost::none();
-        let half = L::all(0.5 * dt);
         if MOVES && dt > 0.0 {
-            let power =
-                before.force.dot(motion.last_velocity) + now_acting.force.dot(motion.velocity);
-            let pressing = before.force.dot(last.normal) * motion.last_velocity.dot(last.normal)
-                + beyond * motion.velocity.dot(now.normal);
-            let (turning, turned) = if M::MOMENTS {
-                let power = before.moment.plus(acting.moment).dot(motion.turning);
-                (Some(power), law.model.turned(&constants, now.overlap, state))
-            } else {
-                (None, zero)
+            let turned =
+                if M::MOMENTS { law.model.turned(&constants, now.overlap, state) } else { zero };
+            let last = Instant {
+                normal: last.normal,
+                beyond: before.force.dot(last.normal),
+                memory: before,
+                action: last_acting,
+                turned: turned_before,
             };
-            let stored = [
-                Stored::of([zero, last_acting.stored[1]], turned_before),
-                Stored::of([zero, acting.stored[1]], turned),
-            ];
-            let damping = if law.needs.tangential_dashpots {
-                let along = last.normal.times(before.force.dot(last.normal));
-                let viscous = before.force.minus(along).minus(last_acting.rub);
-                let power = viscous.dot(motion.last_velocity) + acting.viscous.dot(motion.velocity);
-                Some(power.or(zero, L::all(1.0).at_most(acting.kept.force)))
-            } else {
-                None
-            };
-            let powers = Powers { pressing, rubbing: power - pressing, turning, damping };
-            lost = powers.balance(stored, half, [u8::MAX; 2]);
+            let (memory, action) = (now_acting, acting);
+            let now = Instant { normal: now.normal, beyond, memory, action, turned };
+            lost = self.lost_between([&last, &now], &motion);
         }
         let shares = L::all(super::shares(with_walls));
         let (share, rubbed) = (shares * lost.all, shares * lost.of_friction);
-        let (forces, [on_b, on_a]) = (force.rows(share), [on[0].rows(rubbed), on[1].rows(rubbed)]);
+        window.note(places, first, &[force.rows(share), on[0].rows(rubbed), on[1].rows(rubbed)]);
         if M::MOMENTS || law.needs.tangential_dashpots {
-            let of_dashpots = (shares * lost.parts[0]).store();
-            let of_turning = (shares * lost.parts[1]).store();
-            for (lane, &place) in places.iter().enumerate() {
-                window.parts[place as usize - first] = [of_dashpots[lane], of_turning[lane], 0.0];
-            }
-        }
-        for (lane, &place) in places.iter().enumerate() {
-            let place = place as usize - first;
-            forces[lane].write(&mut window.forces[place]);
-            on_b[lane].write(&mut window.torques[place][0]);
-            on_a[lane].write(&mut window.torques[place][1]);
+            let [of_dashpots, of_turning, _] = lost.parts;
+            let parts = [(shares * of_dashpots).store(), (shares * of_turning).store()];
+            window.note_parts(places, first, parts);
         }
         if with_walls {
-            // Work as for contacts with a patch.
-            let (velocity, spin) = super::velocities::<L>(particles, b);
             let along = last.normal.times(before.press - before.force.dot(last.normal));
             let last_force = along.plus(before.force);
             let moments = arms.last[1].cross(last_force).plus(before.moment).plus(on[0]);
-            let mut work = last_force.plus(force).dot(velocity) + moments.dot(spin);
-            if let Some([now, last]) = belts {
-                work = work + force.dot(now) + last_force.dot(last);
-            }
-            let work = (zero - half * work).store();
+            let work = self.work_of_walls(b, [last_force, force], moments, belts);
             for (&place, work) in places.iter().zip(work) {
                 window.wall_work[place as usize - first] = work;
             }
         }
+    }
+
+    /// Work of walls on particles by the last forces on walls and those of now [J], as for contacts with a patch. `moments` is the sum of both
+    /// moments about the walls' reference points [N m]; `belts` are velocities of surfaces now and at the last step [m/s].
+    #[inline(always)]
+    fn work_of_walls<L: Eight>(
+        &self,
+        walls: Gather,
+        [last_force, force]: [Triple<L>; 2],
+        moments: Triple<L>,
+        belts: Option<[Triple<L>; 2]>,
+    ) -> [f64; WIDTH] {
+        let (velocity, spin) = super::velocities::<L>(self.particles, walls);
+        let mut work = last_force.plus(force).dot(velocity) + moments.dot(spin);
+        if let Some([now, last]) = belts {
+            work = work + force.dot(now) + last_force.dot(last);
+        }
+        (L::all(0.0) - L::all(0.5 * self.dt) * work).store()
+    }
+
+    /// Losses of up to eight contacts without a patch, between the last step and this one.
+    #[inline(always)]
+    fn lost_between<L: Eight>(
+        &self,
+        [last, now]: [&Instant<L>; 2],
+        motion: &super::Motion<L>,
+    ) -> Lost<L> {
+        let zero = L::all(0.0);
+        let power =
+            last.memory.force.dot(motion.last_velocity) + now.memory.force.dot(motion.velocity);
+        let pressing = last.beyond * motion.last_velocity.dot(last.normal)
+            + now.beyond * motion.velocity.dot(now.normal);
+        let turning = if M::MOMENTS {
+            Some(last.memory.moment.plus(now.action.moment).dot(motion.turning))
+        } else {
+            None
+        };
+        let stored = [
+            Stored::of([zero, last.action.stored[1]], last.turned),
+            Stored::of([zero, now.action.stored[1]], now.turned),
+        ];
+        let damping = if self.law.needs.tangential_dashpots {
+            let viscous = last.memory.viscous(last.normal, last.action.rub);
+            let power = viscous.dot(motion.last_velocity) + now.action.viscous.dot(motion.velocity);
+            Some(power.or(zero, L::all(1.0).at_most(now.action.kept.force)))
+        } else {
+            None
+        };
+        let powers = Powers { pressing, rubbing: power - pressing, turning, damping };
+        powers.balance(stored, L::all(0.5 * self.dt), [u8::MAX; 2])
     }
 
     /// Arms from the centres of A and B to the contact points, now and at the last step. Points are given from A.
