@@ -102,8 +102,8 @@ pub struct Bulk {
 pub const COMPONENTS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 
 /// Causes of an energy error that does not depend on the step.
-const AT_ONCE: &str = "Contacts that begin or end at once, as of polyhedra and rods at rims of sheets, and of grains in folds of meshes with \
-                       `smooth = 0` and in pits where several folds meet,";
+const AT_ONCE: &str = "Contacts that begin or end abruptly (at rims of sheets, in folds of meshes with `smooth = 0` \
+     and in pits where several folds meet)";
 
 /// Largest rounding error of the energy balance, over the sum of its terms.
 const ROUNDING: f64 = 1e-12;
@@ -169,13 +169,14 @@ impl Measures {
         let of_limit = limit.map_or(f64::INFINITY, |limit| dt / limit);
         Some(if self.part_missing(most_moving).abs() < 4.0 * of_limit * of_limit {
             format!(
-                "{what}. If contacts of too few steps are the cause, it would be about {} % with a step of {enough:.1e} s. {AT_ONCE} miss as \
-                 much with any step",
+                "{what}. If contacts last too few steps, a step of {enough:.1e} s would reduce the error to about {} \
+                 %. {AT_ONCE} cause the same error with any step",
                 100.0 * MAY_MISS
             )
         } else {
             format!(
-                "{what}. Steps of {:.2} % of the stable limit hardly do so: a shorter step will not help. {AT_ONCE} do",
+                "{what}. Steps of {:.2} % of the stable limit hardly cause this: a shorter step will not help. \
+                 {AT_ONCE} do",
                 100.0 * of_limit
             )
         })
@@ -184,14 +185,14 @@ impl Measures {
     /// Text about the energy error and its reference. `most_moving` as above [J].
     pub fn what_is_missing(&self, most_moving: f64) -> String {
         let of = if self.dissipated > most_moving {
-            "what was dissipated"
+            "the dissipated energy"
         } else {
             "the largest kinetic and elastic energy"
         };
         let part = self.part_missing(most_moving);
         let verb = if part > 0.0 { "lost" } else { "made" };
         format!(
-            "the balance of energy misses {:.2} % of {of}: energy was {verb}",
+            "the energy error is {:.2} % of {of}: energy was {verb}",
             100.0 * part.abs()
         )
     }

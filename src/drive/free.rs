@@ -121,17 +121,17 @@ impl Running {
             return Ok(None);
         }
         let said = format!(
-            "wall \"{name}\" of {mass:e} kg swings on the grains that it touches by {angle:.2} rad in a step of {dt:.3e} s (their stiffness is \
-             {stiffness:.3e} N/m in all)"
+            "wall \"{name}\" of {mass:e} kg oscillates on its particles by {angle:.2} rad in a step of {dt:.3e} s \
+             (total contact stiffness {stiffness:.3e} N/m)"
         );
-        let better = format!("take a step of {:.2e} s, or a heavier wall", 0.2 * dt / angle);
+        let better = format!("use a step of {:.2e} s, or a heavier wall", 0.2 * dt / angle);
         if angle >= UNSTABLE {
             return Err(DriveError(format!(
-                "{said}, which makes it go farther each time: {better}"
+                "{said}, and its amplitude grows: {better}"
             )));
         }
         let is_known = std::mem::replace(&mut self.warned, true);
-        Ok((!is_known).then(|| format!("{said}, which is coarse: {better}")))
+        Ok((!is_known).then(|| format!("{said}, which resolves it poorly: {better}")))
     }
 
     /// Speed along the line in the next step of `dt` [s], under the force of the particles [N].
@@ -179,8 +179,8 @@ impl Drive for FreeWalls {
                 Some(Astray::Open | Astray::Gone) => "far out of",
             };
             return Err(DriveError(format!(
-                "wall \"{}\" moves freely and is {place} the domain, at {speed:.3e} m/s along its line: put grains where they \
-                 bear it, or give it another `force`",
+                "wall \"{}\" moves freely and is {place} the domain, at {speed:.3e} m/s along its line: put particles \
+                 where they support it, or give it another `force`",
                 walls[wall].name
             )));
         }
@@ -218,7 +218,7 @@ impl Reporter for FreeWalls {
             wall_forces[free.wall] == Vec3::zeros() && !stands
         };
         let free = self.all.iter().map(|running| &running.free).find(is_under_way)?;
-        Some(format!("wall \"{}\" moves freely, and no grain touches it", walls[free.wall].name))
+        Some(format!("wall \"{}\" moves freely, and no particle touches it", walls[free.wall].name))
     }
 
     fn save(&self, walls: &[Wall], comm: &mut dyn Comm) -> Vec<SavedColumn> {

@@ -171,8 +171,8 @@ impl Asked {
         if let Some(last) = rows.last().filter(|last| last.left_out > 0) {
             let _ = writeln!(
                 shown.text,
-                "mixing: {} of {} grains at {} s came after the first snapshot: they are of no half and left out. Of streams that come one after \
-                 the other give each a shape of its own, and take shape:NAME",
+                "mixing: {} of {} particles at {} s came after the first snapshot: they are in neither half and are \
+                 left out. For streams that follow each other, give each its own shape and use shape:NAME",
                 last.left_out,
                 last.left_out + last.grains,
                 readable(last.time_s)
@@ -180,7 +180,8 @@ impl Asked {
         }
         if matches!(groups, Groups::Half(_)) && rows.len() == 1 {
             shown.text.push_str(
-                "mixing: the halves of one snapshot are apart, as they are named: give --series, or several snapshots, to see how they mix\n",
+                "mixing: the halves of a single snapshot are separate by definition: give --series, or several \
+                 snapshots, to see how they mix\n",
             );
         }
         if points.len() > 1 {
@@ -190,7 +191,8 @@ impl Asked {
             shown.plots.push(curve(
                 "mixing",
                 "Mixing",
-                format!("Lacey's index: 0 apart, 1 mixed at random. {cells} cells have grains in the last snapshot."),
+                format!("Lacey's index: 0 separate, 1 mixed at random. {cells} cells contain particles in the last \
+                     snapshot."),
                 ("Lacey's index", 0.0..1.05 * highest),
                 points,
             )?);
@@ -215,7 +217,7 @@ impl Asked {
         write_rows(&out.join("flow.csv"), &rows)?;
         let _ = write!(
             shown.text,
-            "flow: {} grains/s, {} kg/s from {} s to {} s ({} rows)",
+            "flow: {} particles/s, {} kg/s from {} s to {} s ({} rows)",
             readable(rate.grains),
             readable(rate.mass),
             readable(rate.window.from),
@@ -224,15 +226,15 @@ impl Asked {
         );
         if let Some([early, late]) = rate.halves {
             let _ =
-                write!(shown.text, "; by halves {} and {} kg/s", readable(early), readable(late));
+                write!(shown.text, "; per half {} and {} kg/s", readable(early), readable(late));
         }
         shown.text.push('\n');
         if new_behind > 0 {
             let _ = writeln!(
                 shown.text,
-                "flow: grains that were behind the plane when first seen, and are not counted: {new_behind}. If an inlet is before the \
-                 plane, they have passed it between two snapshots: write these more often (output.snapshot_every). Grains that were \
-                 before it when last seen, and are counted: {gone_before}"
+                "flow: {new_behind} particles were first seen behind the plane and are not counted. With an inlet \
+                 before the plane, they crossed it between two snapshots: write snapshots more often \
+                 (output.snapshot_every). {gone_before} particles were last seen before the plane and are counted"
             );
         }
         shown.plots.push(flow_plot(&rows, &rate)?);
@@ -251,7 +253,7 @@ fn make_slope(
     if let Some(last) = rows.last() {
         let _ = writeln!(
             shown.text,
-            "slope: {:.1} degrees, {} m high, columns off the line by {} m in the mean",
+            "slope: {:.1} degrees, {} m high, mean distance of columns from the line {} m",
             last.angle_degrees,
             readable(last.height_m),
             readable(last.scatter_m)
@@ -263,7 +265,7 @@ fn make_slope(
         shown.plots.push(curve(
             "slope",
             "Slope",
-            "Angle of the free surface against the horizontal.".to_owned(),
+            "Angle of the free surface to the horizontal.".to_owned(),
             ("angle (degrees)", reach),
             points,
         )?);
@@ -290,7 +292,7 @@ fn flow_plot(rows: &[Passed], rate: &Rate) -> Result<Plot, PlotError> {
         name: "flow".into(),
         title: "Flow".into(),
         caption: format!(
-            "Mass that has passed. The line is that of least squares: {} grains per second.",
+            "Mass passed. Line: least squares, {} particles per second.",
             readable(rate.grains)
         ),
         width: Width::Half,

@@ -318,8 +318,8 @@ impl Drive for Groups {
         for (Group { name, who, .. }, count) in self.all.iter().zip(steering.sums) {
             if *count == 0 && !who.by_inlet {
                 return Err(DriveError(format!(
-                    "group `{name}` has no particle: none that is there when the stage begins is named by its `shapes`, `region` and `ids`, \
-                     or all that are belong to groups before it"
+                    "group `{name}` has no particle at the start of the stage: none matches its `shapes`, `region` \
+                     and `ids`, or all that match are in earlier groups"
                 )));
             }
         }
@@ -442,7 +442,7 @@ impl Reporter for Groups {
 /// Error for a stage that began with other groups, named in `before`.
 pub fn other_groups(before: &str) -> DriveError {
     DriveError(format!(
-        "the stage began with other groups: {before}. Particles join a group where a stage begins: give the scene the same [[group]] \
-         names, or begin a new stage with the snapshot, `start` in the scene"
+        "the stage began with other groups: {before}. Particles join groups when a stage begins: give the scene the \
+         same [[group]] names, or begin a new stage with the snapshot, `start` in the scene"
     ))
 }

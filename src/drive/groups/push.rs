@@ -197,8 +197,8 @@ impl Push {
             })
         };
         let drag = self.drag.as_ref().map(|drag| match drag.law {
-            DragLaw::Stokes => "drag of Stokes".to_owned(),
-            DragLaw::SchillerNaumann => "drag of Schiller and Naumann".to_owned(),
+            DragLaw::Stokes => "Stokes drag".to_owned(),
+            DragLaw::SchillerNaumann => "Schiller-Naumann drag".to_owned(),
         });
         let all = [load("force", &self.force, "N"), load("torque", &self.torque, "N m"), drag];
         let all: Vec<String> = all.into_iter().flatten().collect();
