@@ -81,7 +81,7 @@ impl<'a> Motions<'a> {
         });
         for (given, _) in all.clone().filter(|(_, motion)| matches!(motion.how, How::Freely { .. }))
         {
-            given.fail("a motion with a `mass` is of a wall; push a group with a `force`");
+            given.fail("a motion with a `mass` is for a wall; for a group use a `force`");
         }
         let about = all.clone().find_map(|(_, motion)| match motion.kind {
             Kind::About(point, _) => Some(point),
@@ -107,7 +107,8 @@ impl<'a> Motions<'a> {
                 _ => given.fail("this wall moves freely, with a `mass`, and has another motion; leave out one of them"),
             }
             if wall.turns() {
-                given.fail("this wall has a `rotation`, and a motion with a `mass`, which cannot turn it; leave out one of them");
+                given.fail("this wall has a `rotation`, but a motion with a `mass` cannot rotate; leave out one of \
+                     them");
             }
         }
     }
@@ -163,7 +164,7 @@ fn course<'a, 'b: 'a>(
         match motion.kind {
             Kind::Along(along) => course.shifts.push((along, way.clone())),
             Kind::About(..) if course.turn.is_some() => {
-                given.fail("turns already, by its `rotation` or another motion; a body turns about one axis");
+                given.fail("rotates already, by its `rotation` or another motion; a body rotates about one axis");
             }
             Kind::About(_, axis) => course.turn = Some((axis, way.clone())),
         }
@@ -178,7 +179,7 @@ fn named<'a>(section: &Section<'a>, key: &str) -> Option<Vec<(Given<'a>, &'a str
         for item in given.list()? {
             let name = item.text()?;
             if names.iter().any(|(_, known)| *known == name) {
-                item.fail("stands there twice");
+                item.fail("occurs twice");
             }
             names.push((item, name));
         }
@@ -189,13 +190,13 @@ fn named<'a>(section: &Section<'a>, key: &str) -> Option<Vec<(Given<'a>, &'a str
 fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Option<Motion<'a>> {
     let (walls, groups) = (named(section, "walls"), named(section, "groups"));
     if section.get("walls").is_none() && section.get("groups").is_none() {
-        section.fail("`walls` or `groups` is missing: a list of names of what moves so");
+        section.fail("`walls` or `groups` is missing: a list of names of bodies to move");
     }
     let kind = if let Some(given) = section.get("along") {
         for key in ["about", "axis"] {
             section.refuse(
                 key,
-                "stands beside `along`; a motion goes along a direction or turns about an axis",
+                "not with `along`; a motion has a direction or an axis",
             );
         }
         given.direction().map(Kind::Along)
@@ -203,25 +204,26 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
         let (about, axis) = axis_of_turn(section, domain);
         about.zip(axis).map(|(about, axis)| Kind::About(about, axis))
     } else {
-        section.fail("`along` is missing: [x, y, z], the direction in which walls move; or `about` and `axis`, about which they turn");
+        section.fail("`along` is missing: [x, y, z], the direction of motion; or `about` and `axis`, the axis of \
+             rotation");
         None
     };
     let turns = section.get("along").is_none();
     let how = if let Some(given) = section.get("mass") {
         if turns {
-            given.fail("is of a motion `along` a direction");
+            given.fail("needs a motion `along` a direction");
         }
         for key in ["amplitude", "frequency", "phase", "table", "interpolation"] {
-            section.refuse(key, "stands beside `mass`; a wall moves by time or by forces");
+            section.refuse(key, "not with `mass`; a wall moves by time or by forces");
         }
         if walls.as_ref().is_some_and(|walls| walls.len() > 1) {
-            given.fail("is of one wall; give each a motion of its own, or make one wall of several `planes`");
+            given.fail("needs a single wall; give each wall its own motion, or make one wall of several `planes`");
         }
         let mass = section.number("mass");
         let force = section.number_or("force", 0.0);
         mass.zip(force).map(|(mass, force)| How::Freely { mass, force })
     } else {
-        section.refuse("force", "is of a wall with a `mass`, which forces move");
+        section.refuse("force", "needs a wall with a `mass`");
         way(section, turns, folder).map(How::By)
     };
     Some(Motion { walls: walls?, groups: groups?, kind: kind?, how: how? })
@@ -232,12 +234,12 @@ fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
     let to_si = if turns { 1f64.to_radians() } else { 1.0 };
     if section.get("table").is_some() {
         for key in ["amplitude", "frequency", "phase"] {
-            section.refuse(key, "stands beside `table`; a motion is an oscillation or a table");
+            section.refuse(key, "not with `table`; a motion is an oscillation or a table");
         }
         let column = if turns { "angle_deg" } else { "displacement_m" };
         return table(section, folder, (column, to_si)).map(Way::Table);
     }
-    section.refuse("interpolation", "is of a `table`");
+    section.refuse("interpolation", "needs a `table`");
     let amplitude = section.number("amplitude");
     let frequency = section.number("frequency");
     let phase = section.number_or("phase", 0.0);
@@ -302,11 +304,12 @@ fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
             Ok(numbers) => {
                 match (&*numbers, rows.last()) {
                     (&[time, _], None) if time != 0.0 => {
-                        mistakes.push(format!("line {line}: the first time must be 0, when the stage begins, not {time:?}"));
+                        mistakes.push(format!("line {line}: the first time must be 0, the start of the stage, not \
+                             {time:?}"));
                         rows.push((time, 0.0));
                     }
                     (&[time, _], Some((before, _))) if time <= *before => mistakes.push(format!(
-                        "line {line}: time {time:?} does not come after {before:?}; times must rise"
+                        "line {line}: time {time:?} is not after {before:?}; times must increase"
                     )),
                     (&[time, value], _) => rows.push((time, value)),
                     _ => mistakes.push(format!("line {line} has {} numbers, not 2", numbers.len())),
@@ -315,7 +318,7 @@ fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
         }
     }
     if mistakes.is_empty() && rows.len() < 2 {
-        mistakes.push("must have two rows at least".to_owned());
+        mistakes.push("must have at least two rows".to_owned());
     }
     if mistakes.is_empty() {
         return Ok(rows);

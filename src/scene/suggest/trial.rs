@@ -119,7 +119,7 @@ impl<'a> Trials<'a> {
         let (sim, resumed) = started(&scene, question.start)?;
         let Some(limit) = scene.time_step_limit() else {
             return Err(Unanswered::Input(format!(
-                "{}: nothing pushes, so there is no stable limit to measure steps by; give a material a stiffness",
+                "{}: no contact has a stiffness, so there is no stable limit of the step; give a material a stiffness",
                 question.scene.display()
             )));
         };
@@ -128,8 +128,8 @@ impl<'a> Trials<'a> {
                 || sim.drives.iter().any(|drive| drive.standing().unfinished.is_some())
         }) {
             return Err(Unanswered::Input(format!(
-                "{}: grains of inlet `{}` appear in other places with every step, so trials cannot be compared: try a stage without \
-                 inlets, with these grains in its `start`",
+                "{}: inlet `{}` inserts particles in different places with every step, so trials cannot be compared: \
+                 use a stage without inlets, with these particles in its `start`",
                 question.scene.display(),
                 inlet.name
             )));
@@ -141,7 +141,7 @@ impl<'a> Trials<'a> {
         let left = scene.steps.saturating_sub(behind) as f64 * scene.dt;
         if particles == 0 || left == 0.0 {
             return Err(Unanswered::Input(format!(
-                "{}: no particles or no steps are left to try",
+                "{}: no particles or no steps are left for trials",
                 question.scene.display()
             )));
         }
@@ -165,8 +165,8 @@ impl<'a> Trials<'a> {
     /// Error for trials without contacts to compare.
     pub(super) fn nothing(&self) -> Unanswered {
         Unanswered::Input(format!(
-            "{}: no grains touch each other or a wall in the last fifth of the trial, which lasts {:.3e} s, so there is nothing to \
-             compare: begin with a snapshot in which they touch (--start)",
+            "{}: no particle has a contact in the last fifth of the trial, which lasts {:.3e} s: use a snapshot with \
+             contacts (--start)",
             self.question.scene.display(),
             self.time()
         ))
