@@ -191,10 +191,7 @@ impl Measures {
         };
         let part = self.part_missing(most_moving);
         let verb = if part > 0.0 { "lost" } else { "made" };
-        format!(
-            "the energy error is {:.2} % of {of}: energy was {verb}",
-            100.0 * part.abs()
-        )
+        format!("the energy error is {:.2} % of {of}: energy was {verb}", 100.0 * part.abs())
     }
 
     /// Mean number of contacts of a particle, with walls.

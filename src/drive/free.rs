@@ -126,9 +126,7 @@ impl Running {
         );
         let better = format!("use a step of {:.2e} s, or a heavier wall", 0.2 * dt / angle);
         if angle >= UNSTABLE {
-            return Err(DriveError(format!(
-                "{said}, and its amplitude grows: {better}"
-            )));
+            return Err(DriveError(format!("{said}, and its amplitude grows: {better}")));
         }
         let is_known = std::mem::replace(&mut self.warned, true);
         Ok((!is_known).then(|| format!("{said}, which resolves it poorly: {better}")))

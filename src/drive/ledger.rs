@@ -278,9 +278,7 @@ impl Reporter for Ledger {
 }
 
 fn begins(name: &str) -> String {
-    format!(
-        "the snapshot has no sums for wall \"{name}\": they start at this restart"
-    )
+    format!("the snapshot has no sums for wall \"{name}\": they start at this restart")
 }
 
 /// Sums of one triangle of a wall that wears.

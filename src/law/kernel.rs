@@ -374,7 +374,7 @@ impl<M: Model> Law<M> {
     pub fn new(model: M, library: &Library) -> Self {
         let width = StateColumn::total_width(model.state());
         let most = if M::MOMENTS { MOST_STATE_OF_MOMENTS } else { MOST_STATE };
-        assert!(width <= most, "{} remembers more than {most} numbers", model.name());
+        assert!(width <= most, "{} has more than {most} state variables", model.name());
         let mut needs = model.needs();
         assert!(M::BY_CURVATURE || !needs.curvature, "{} does not say so", model.name());
         assert!(!M::MOMENTS || needs.velocity && needs.spin, "{} turns nothing", model.name());

@@ -37,7 +37,9 @@ pub enum MeasureError {
         error: Box<MeasureError>,
     },
     /// The length is not positive.
-    #[error("the length {side} m is not above 0: write it in metres (0.004) or particle diameters (1.5d)")]
+    #[error(
+        "the length {side} m is not above 0: write it in metres (0.004) or particle diameters (1.5d)"
+    )]
     NoSide {
         /// The length [m].
         side: f64,
@@ -76,9 +78,7 @@ pub enum MeasureError {
         range: f64,
     },
     /// The edges of the periodic cell are not along the axes, as the cells of fields must be.
-    #[error(
-        "the edges of the cell are tilted: fields need a cell with edges along the axes"
-    )]
+    #[error("the edges of the cell are tilted: fields need a cell with edges along the axes")]
     Leaning,
     /// There are no particles in the region.
     #[error("the region contains no particle: make it larger, or choose another snapshot")]

@@ -33,7 +33,8 @@ impl FromStr for Bounds {
 
     /// Parses `x0,x1,y0,y1,z0,z1` in metres.
     fn from_str(text: &str) -> Result<Self, String> {
-        let number = |word: &str| word.trim().parse().map_err(|_| format!("'{word}' is not a number"));
+        let number =
+            |word: &str| word.trim().parse().map_err(|_| format!("'{word}' is not a number"));
         let numbers = text.split(',').map(number).collect::<Result<Vec<f64>, String>>()?;
         let [x0, x1, y0, y1, z0, z1] = numbers[..] else {
             let given = numbers.len();
@@ -151,7 +152,9 @@ impl FromStr for Margin {
             None => (text, Self::Metres),
         };
         let value = number.parse::<f64>().ok().filter(|v| *v >= 0.0 && v.is_finite());
-        value.map(unit).ok_or_else(|| "write metres, 0.004, or particle diameters, 1.5d".to_string())
+        value
+            .map(unit)
+            .ok_or_else(|| "write metres, 0.004, or particle diameters, 1.5d".to_string())
     }
 }
 

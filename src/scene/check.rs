@@ -400,9 +400,8 @@ fn limit_numbers(
 fn start(given: &Given, need: Need) -> Option<PathBuf> {
     let path = PathBuf::from(given.text()?);
     if need == Need::AllFiles && !path.exists() {
-        given.fail(
-            "no such file or directory in the working directory; run the stage before first",
-        );
+        given
+            .fail("no such file or directory in the working directory; run the stage before first");
         return None;
     }
     Some(path)
@@ -709,15 +708,15 @@ struct Limit {
 
 impl Limit {
     fn of(law: &Choice, library: &Library) -> Self {
-        let with =
-            if law.resists_turning() { ", including rotation on springs" } else { "" };
+        let with = if law.resists_turning() { ", including rotation on springs" } else { "" };
         Self { limit: time_step_limit(library, &*law.law(library)), with }
     }
 
     /// Automatic step [s].
     fn own_step(&self, given: &Given) -> Option<f64> {
         let Some(limit) = &self.limit else {
-            given.fail("no contact has a stiffness, so there is no stable limit: give a number [s]");
+            given
+                .fail("no contact has a stiffness, so there is no stable limit: give a number [s]");
             return None;
         };
         Some(own_step(limit.dt))

@@ -152,10 +152,7 @@ fn rest_before_an_inlet(scene: &Scene) -> Option<String> {
 fn idle_belt(scene: &Scene) -> Option<String> {
     let belt = scene.walls.iter().find(|wall| wall.is_belt())?;
     (scene.law.highest_friction() == 0.0).then(|| {
-        format!(
-            "wall \"{}\" has a `surface_velocity`, but no effect without friction",
-            belt.name
-        )
+        format!("wall \"{}\" has a `surface_velocity`, but no effect without friction", belt.name)
     })
 }
 

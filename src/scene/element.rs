@@ -79,9 +79,9 @@ fn goals(section: &Section) -> Option<[Goal; 6]> {
     }
     if section.boolean_or("constant_volume", false)? {
         if given[..3].iter().all(Option::is_some) {
-            section.get("constant_volume")?.fail(
-                "needs a free component: leave out at least one of `xx`, `yy` and `zz`",
-            );
+            section
+                .get("constant_volume")?
+                .fail("needs a free component: leave out at least one of `xx`, `yy` and `zz`");
             return None;
         }
         for goal in given[..3].iter_mut().filter(|goal| goal.is_none()) {

@@ -97,7 +97,9 @@ pub(super) fn inlets(root: &Section, fills: &Fills) -> Option<Vec<Inlet>> {
         sections.iter().map(|section| inlet(section, fills, &mut names)).collect();
     let rain = root.section("fill").and_then(|fill| fill.get("rain"));
     if let (Some(section), Some(_)) = (sections.first(), rain) {
-        section.fail("not with [fill.rain], whose layers may overlap its particles; use a second [[inlet]]");
+        section.fail(
+            "not with [fill.rain], whose layers may overlap its particles; use a second [[inlet]]",
+        );
     }
     if let (Some(section), Some(_)) = (sections.first(), fills.domain.and_then(Cell::shear)) {
         section.fail("not in a sheared domain");
@@ -144,8 +146,7 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
         section.fail(reaching(&beyond));
     }
     if fills.gravity == Vec3::zeros() && velocity == Vec3::zeros() && spread == 0.0 {
-        section
-            .fail("its particles would not move: gravity, `velocity` and `spread` are 0");
+        section.fail("its particles would not move: gravity, `velocity` and `spread` are 0");
     }
     Some(Inlet {
         name: name?,

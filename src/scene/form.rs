@@ -43,7 +43,8 @@ fn expected(given: &Given) {
     let is_table = |kind: &Kind| matches!(kind, Kind::Table(_));
     match (given.kind, &given.node.value) {
         (Kind::List { names, item, .. }, _) if names.is_empty() && is_table(item) => {
-            given.fail_whole(format!("may occur several times; write [[{header}]], not [{header}]"));
+            given
+                .fail_whole(format!("may occur several times; write [[{header}]], not [{header}]"));
         }
         (Kind::Table(_), Value::List(items))
             if items.iter().all(|item| matches!(item.value, Value::Table(_))) =>

@@ -90,10 +90,8 @@ fn who(section: &Section, around: &Around, inlets: &mut [Inlet], number: usize) 
     let by_inlet = section.get("inlets");
     if let Some(given) = &by_inlet {
         for key in ["shapes", "region", "ids", "id_ranges"] {
-            section.refuse(
-                key,
-                "not with `inlets`: a group contains particles of inlets, or others",
-            );
+            section
+                .refuse(key, "not with `inlets`: a group contains particles of inlets, or others");
         }
         for item in given.list().unwrap_or_default() {
             let Some(name) = item.text() else { continue };
@@ -146,8 +144,10 @@ fn what(section: &Section, around: &Around, name: &str) -> Option<What> {
     let moves = ["velocity", "rotation"].iter().any(|key| section.get(key).is_some());
     let is_held = fixed? || moves || !path.is_still();
     if fixed? && (moves || !path.is_still()) {
-        section.get("fixed")?.fail("not with a `velocity`, a `rotation` or a [[motion]] of the group; leave out one \
-             of them");
+        section.get("fixed")?.fail(
+            "not with a `velocity`, a `rotation` or a [[motion]] of the group; leave out one \
+             of them",
+        );
     }
     if is_held {
         for key in ["force", "force_by", "torque", "torque_by", "drag"] {
@@ -205,8 +205,11 @@ fn check_newcomers(section: &Section, group: &Group, around: &Around, inlets: &[
         return;
     }
     if group.who.by_inlet {
-        section.refuse("inlets", "insert particles, so their motion cannot be prescribed; use a force, or leave them \
-             out");
+        section.refuse(
+            "inlets",
+            "insert particles, so their motion cannot be prescribed; use a force, or leave them \
+             out",
+        );
     } else if group.takes_newcomers() {
         let mixes = inlets.iter().map(|inlet| &inlet.mix).chain(around.rain.map(|rain| &rain.mix));
         if mixes.flat_map(Mix::shapes).any(|shape| group.may_have(shape)) {
@@ -226,8 +229,8 @@ pub(super) fn check_speeds(root: &Section, groups: &[Group], library: &Library, 
                 let speed = shifts.iter().map(Vec3::norm).sum::<f64>();
                 if let Some(most) = too_far(speed, Some(dt), library) {
                     section.fail(format!(
-                        "moves by up to {:.2e} m in a step, more than {} % of the shortest axis of the smallest \
-                         particle; must be at most {:.2e} m/s",
+                        "moves by up to {:.2e} m per step, over {} % of the shortest particle axis; must be at most \
+                         {:.2e} m/s",
                         speed * dt,
                         100.0 * LONGEST_MOVE,
                         printed_limit(most) / dt

@@ -425,9 +425,7 @@ fn with_constants<C: Mixing + Default>(
     let (materials, own) = Materials::read(root, |section| read(section, None));
     let count = own.len();
     if count > MOST_MATERIALS {
-        root.fail(format!(
-            "has {count} materials; must be at most {MOST_MATERIALS}"
-        ));
+        root.fail(format!("has {count} materials; must be at most {MOST_MATERIALS}"));
     }
     let own: Option<Vec<C>> = own.into_iter().collect();
     let own = own.filter(|_| count <= MOST_MATERIALS);

@@ -137,8 +137,7 @@ const NOT_THERE: [(&str, &str, &str); 29] = [
     ("stop", "strain", REACHED),
 ];
 
-const CLUMPS: &str =
-    "use a [[shape]] with kind = \"union\" and its `pieces`, or a `file` of balls";
+const CLUMPS: &str = "use a [[shape]] with kind = \"union\" and its `pieces`, or a `file` of balls";
 const HELD: &str =
     "to fix particles, use a [[group]] that names them, with `fixed`, a `velocity` or a `rotation`";
 const PUSHED: &str = "to move particles, use a [[group]] that names them, with a `force` or a `velocity`; for a \
@@ -146,7 +145,8 @@ const PUSHED: &str = "to move particles, use a [[group]] that names them, with a
 const DRAG: &str = "for the drag of a fluid with prescribed velocity, use a [[group]] with `drag`; coupled fluids are \
      not supported";
 /// Hint for a pressed or strained cell.
-pub(super) const CELL: &str = "to strain a periodic cell, use [cell] with a `stress` or a `rate` of each component";
+pub(super) const CELL: &str =
+    "to strain a periodic cell, use [cell] with a `stress` or a `rate` of each component";
 const OF_ONE: &str = "belongs to one material; set it in [[material]]";
 const REACHED: &str = "to end a stage by a column of history.csv, use `when`: when = [{ column = \"stress_lid_Pa\", \
      above = 1e6 }]";

@@ -194,10 +194,7 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
     }
     let kind = if let Some(given) = section.get("along") {
         for key in ["about", "axis"] {
-            section.refuse(
-                key,
-                "not with `along`; a motion has a direction or an axis",
-            );
+            section.refuse(key, "not with `along`; a motion has a direction or an axis");
         }
         given.direction().map(Kind::Along)
     } else if section.get("about").is_some() || section.get("axis").is_some() {
@@ -301,20 +298,20 @@ fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
         });
         match numbers.collect::<Result<Vec<_>, _>>() {
             Err(what) => mistakes.push(what),
-            Ok(numbers) => {
-                match (&*numbers, rows.last()) {
-                    (&[time, _], None) if time != 0.0 => {
-                        mistakes.push(format!("line {line}: the first time must be 0, the start of the stage, not \
-                             {time:?}"));
-                        rows.push((time, 0.0));
-                    }
-                    (&[time, _], Some((before, _))) if time <= *before => mistakes.push(format!(
-                        "line {line}: time {time:?} is not after {before:?}; times must increase"
-                    )),
-                    (&[time, value], _) => rows.push((time, value)),
-                    _ => mistakes.push(format!("line {line} has {} numbers, not 2", numbers.len())),
+            Ok(numbers) => match (&*numbers, rows.last()) {
+                (&[time, _], None) if time != 0.0 => {
+                    mistakes.push(format!(
+                        "line {line}: the first time must be 0, the start of the stage, not \
+                             {time:?}"
+                    ));
+                    rows.push((time, 0.0));
                 }
-            }
+                (&[time, _], Some((before, _))) if time <= *before => mistakes.push(format!(
+                    "line {line}: time {time:?} is not after {before:?}; times must increase"
+                )),
+                (&[time, value], _) => rows.push((time, value)),
+                _ => mistakes.push(format!("line {line} has {} numbers, not 2", numbers.len())),
+            },
         }
     }
     if mistakes.is_empty() && rows.len() < 2 {

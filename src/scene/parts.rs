@@ -132,7 +132,9 @@ impl Files<'_> {
         let name = path.display().to_string();
         self.count += 1;
         if self.open.len() > DEEPEST || self.count > MOST_FILES {
-            given.fail(format!("exceeds the limit: a scene has at most {MOST_FILES} files, nested {DEEPEST} deep"));
+            given.fail(format!(
+                "exceeds the limit: a scene has at most {MOST_FILES} files, nested {DEEPEST} deep"
+            ));
             return None;
         }
         let is_open = |(_, open): &(String, PathBuf)| is_one_file(open, &path);

@@ -311,7 +311,9 @@ fn walls(scene: &Scene, page: &mut Page) {
         if seconds >= 1.0 {
             page.line(
                 "",
-                format!("{cells} cells behind them are built at each start, in about {seconds:.0} s"),
+                format!(
+                    "{cells} cells behind them are built at each start, in about {seconds:.0} s"
+                ),
             );
         }
         if let Some((low, high)) = wall.extent() {
@@ -322,7 +324,13 @@ fn walls(scene: &Scene, page: &mut Page) {
     }
     if let Some(Shear { along, across, rate, .. }) = scene.domain.shear() {
         let axes = format!("along {}, velocity increases with {}", AXES[along], AXES[across]);
-        page.line("images slide", format!("{axes}: {rate} 1/s; at the faces bodies change velocity, and each contact looks for it"));
+        page.line(
+            "images slide",
+            format!(
+                "{axes}: {rate} 1/s; velocities change at the faces, and each contact \
+             checks this"
+            ),
+        );
     }
     if let Some(control) = &scene.cell {
         page.line("cell", element::words(control));
@@ -344,8 +352,7 @@ fn steered(scene: &Scene, servo: &Servo) -> String {
     let over = match servo.goal {
         Goal::Stress(_) => {
             let area = servo.area(&scene.walls, &scene.domain);
-            let place =
-                if scene.start.is_some() { " if walls are as in the scene" } else { "" };
+            let place = if scene.start.is_some() { " if walls are as in the scene" } else { "" };
             format!(", over {area:.4e} m2{place}")
         }
         Goal::Force { .. } => String::new(),

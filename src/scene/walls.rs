@@ -29,8 +29,8 @@ pub(super) const LONGEST_MOVE: f64 = 0.05;
 fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
     let most = too_far(speed, dt, library)?;
     Some(format!(
-        "({speed:?} m/s) moves a wall by {:.2e} m in a step, more than {} % of the shortest axis of the smallest \
-         particle; must be at most {:.2e} m/s",
+        "({speed:?} m/s) moves a wall by {:.2e} m per step, over {} % of the shortest particle axis; must be at most \
+         {:.2e} m/s",
         speed * dt?,
         100.0 * LONGEST_MOVE,
         printed_limit(most) / dt?
@@ -193,8 +193,8 @@ impl<'a> Walls<'a> {
             let both = wall.way(1.0, &room);
             if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
                 given.fail(format!(
-                    "({rate:?} rad/s) moves the wall by up to {:.2e} m in a step within the domain, more than {} % of \
-                     the shortest axis of the smallest particle; `rate` must be at most {:.2e} rad/s",
+                    "({rate:?} rad/s) moves the wall by up to {:.2e} m per step within the domain, over {} % of the \
+                     shortest particle axis; `rate` must be at most {:.2e} rad/s",
                     speed * dt,
                     100.0 * LONGEST_MOVE,
                     printed_limit(rate) * most / (speed * dt)
@@ -203,8 +203,8 @@ impl<'a> Walls<'a> {
                 && too_far(wall.speed_inwards().abs(), Some(dt), library).is_none()
             {
                 given.fail(format!(
-                    "with `velocity` it moves the wall by up to {:.2e} m in a step within the domain, more than {} % \
-                     of the shortest axis of the smallest particle; reduce both by a factor {:.2e}, or `step`",
+                    "with `velocity` it moves the wall by up to {:.2e} m per step within the domain, over {} % of the \
+                     shortest particle axis; reduce both by a factor {:.2e}, or `step`",
                     both * dt,
                     100.0 * LONGEST_MOVE,
                     slower_by(both * dt, most)
@@ -244,8 +244,8 @@ impl<'a> Walls<'a> {
             speed += wall.way(1.0, &room);
             if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
                 given.fail(format!(
-                    "moves by up to {:.2e} m in a step along its normal within the domain, more than {} % of the \
-                     shortest axis of the smallest particle; reduce motions by a factor {:.2e}, or `step`",
+                    "moves by up to {:.2e} m per step along its normal within the domain, over {} % of the shortest \
+                     particle axis; reduce motions by a factor {:.2e}, or `step`",
                     speed * dt,
                     100.0 * LONGEST_MOVE,
                     slower_by(speed * dt, most)

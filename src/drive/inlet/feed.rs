@@ -261,8 +261,10 @@ impl Running {
             None => return warnings,
         };
         if !has_stopped && !self.is_over() {
-            warnings.push(format!("inlet `{name}`: only {short} inserted: too few steps, no free place, or more than \
-                 {MOST_AT_ONCE} due at a time"));
+            warnings.push(format!(
+                "inlet `{name}`: only {short} inserted: too few steps, no free place, or more than \
+                 {MOST_AT_ONCE} due at a time"
+            ));
         }
         warnings
     }

@@ -300,7 +300,8 @@ mod not_sent {
     use serde::{Deserializer, Serializer, de, ser};
     use std::sync::Arc;
 
-    const WHY: &str = "a shape of kind \"other\" cannot be written or sent: make it on every rank";
+    const WHY: &str =
+        "a shape of kind \"other\" cannot be written or sent: create it on every rank";
 
     pub(super) fn serialize<S: Serializer>(_: &Arc<dyn Convex>, _: S) -> Result<S::Ok, S::Error> {
         Err(ser::Error::custom(WHY))

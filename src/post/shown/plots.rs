@@ -188,7 +188,8 @@ pub fn friction(used: &Histogram) -> Result<Plot, PlotError> {
     let axes = linear("tangential / normal force of a contact", "contacts (%)", x, y);
     let bars =
         Series { name: String::new(), colour: BLUE, mark: Mark::Bars(0.85 * width, 0.0), points };
-    let caption = "Ratio of tangential to normal force; sliding contacts are at the coefficient of friction.";
+    let caption =
+        "Ratio of tangential to normal force; sliding contacts are at the coefficient of friction.";
     Ok(Plot {
         name: "friction".into(),
         title: "Friction used".into(),

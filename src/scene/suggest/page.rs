@@ -47,8 +47,7 @@ impl Found<'_> {
 
     fn heading(&self) -> String {
         let Self { trials, .. } = self;
-        let whole =
-            if trials.time() > 0.99 * trials.left { ", the rest of the stage" } else { "" };
+        let whole = if trials.time() > 0.99 * trials.left { ", the rest of the stage" } else { "" };
         format!(
             "{}: trials of {} particles over {:.3e} s{whole}; stress and contacts are means over the last fifth",
             trials.scene.title,
@@ -186,10 +185,7 @@ pub(super) fn of_rung(trials: &Trials, rungs: &[Rung], k: usize) -> String {
         ),
         _ => format!("stress x volume {:.4e} J, contacts {:.4}", run.stress, run.coordination),
     };
-    format!(
-        "{name}: {compared}; energy error {missing}; {} runs, {seconds:.2} s",
-        rung.runs.len()
-    )
+    format!("{name}: {compared}; energy error {missing}; {} runs, {seconds:.2} s", rung.runs.len())
 }
 
 /// Result of another method.

@@ -127,7 +127,9 @@ impl Walls<'_> {
             return Some(k);
         }
         if !has_motion && wall.speed_inwards() != 0.0 {
-            given.fail("this wall has a velocity along its normal; leave out the velocity or the servo");
+            given.fail(
+                "this wall has a velocity along its normal; leave out the velocity or the servo",
+            );
         }
         let Some(Across { axis: own, .. }) = wall.across() else {
             given.fail(if wall.mesh.is_some() {
@@ -180,9 +182,8 @@ impl Walls<'_> {
             let speed = moved.way(1.0, &room);
             let most = too_far(speed, Some(dt), library)?;
             Some(format!(
-                "`max_speed` ({max_speed:?} m/s) and the other motion of wall \"{}\" move it by up to {:.2e} m in a \
-                 step within the domain, more than {} % of the shortest axis of the smallest particle; reduce both by \
-                 a factor {:.2e}, or `step`",
+                "`max_speed` ({max_speed:?} m/s) with the other motion moves wall \"{}\" by up to {:.2e} m per step, \
+                 over {} % of the shortest particle axis; reduce both by a factor {:.2e}, or `step`",
                 wall.name,
                 speed * dt,
                 100.0 * LONGEST_MOVE,
