@@ -184,7 +184,7 @@ fn unions_have_a_row_for_each_place() {
     let wrong = dem_contact(&["-"], "{\"id\": 1, \"UA\": [{\"x\": 1}], \"UB\": []}");
     assert!(said(&wrong).contains("UA[0] is no piece"), "{}", said(&wrong));
     let empty = dem_contact(&["-"], "{\"id\": 1, \"UA\": [], \"UB\": []}");
-    assert!(said(&empty).contains("UA: a union has one piece or more"), "{}", said(&empty));
+    assert!(said(&empty).contains("UA: a union needs at least one piece"), "{}", said(&empty));
 }
 
 /// Clearances agree with the reference, too, and are continuous through touching.

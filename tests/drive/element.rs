@@ -508,7 +508,7 @@ fn what_does_not_go_with_a_cell_is_refused() {
         ),
         ("{ rate = 0.1 }", "{ rate = 0.1, stress = 1.0 }", "either `rate` or `stress`"),
         ("{ rate = 0.1 }", "{ rate = 1e3 }", "in a step"),
-        ("yy = { stress = 1e3 }\nmax_rate = 1.0", "max_rate = 1.0", "nothing has a `stress`"),
+        ("yy = { stress = 1e3 }\nmax_rate = 1.0", "max_rate = 1.0", "has no effect without a `stress`"),
         ("[time]", "[stop]\nservo = 0.1\n[time]", "there is no [[servo]]"),
         (
             "yy = { stress = 1e3 }\nmax_rate = 1.0",

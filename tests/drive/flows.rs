@@ -521,7 +521,7 @@ fn inlets_that_would_stop_and_names_of_other_columns_are_refused() {
         &good,
         "\"tap\"",
         "\"J\"",
-        "history.csv has a column missing_J already: take another name",
+        "history.csv has a column missing_J already: use another name",
     );
     // In a wide enough shaft the large particle is accepted.
     scene(&good.replace("[0.002, 1]", "[0.002, 0.99], [0.007, 1]"));
@@ -562,7 +562,8 @@ fn inlets_and_outlets_that_never_act_are_doubtful() {
         (
             "every = 15",
             "every = 15\nbegin = 0.04",
-            "inlet `balls` begins after 0.04 s of the stage, and its particles may appear until 3.990e-2 s: none comes",
+            "inlet `balls` begins after 0.04 s of the stage, but can insert particles only until 3.990e-2 s: it \
+             inserts none",
         ),
         (
             "high = [0.01, 0.02, 0.006]",
@@ -620,7 +621,7 @@ fn an_inlet_keeps_its_rate_within_a_stage() {
         (
             "name = \"balls\"",
             "name = \"marbles\"",
-            "inlet `marbles` was not there when the stage began",
+            "inlet `marbles` did not exist when the stage began",
         ),
     ] {
         let text = SHAFT.replace(from, to);
@@ -639,7 +640,7 @@ fn an_inlet_keeps_its_rate_within_a_stage() {
     let mut sim = assemble::assemble(&first, &comm);
     let same = assemble::Continuation::SameStage;
     let error = assemble::take_up(&mut sim, &first, folder.path(), same, &mut comm).unwrap_err();
-    assert!(error.to_string().contains("inlet `eggs` was not there"), "{error}");
+    assert!(error.to_string().contains("inlet `eggs` did not exist"), "{error}");
 }
 
 /// Under damping, particles of an inlet bring their energy; another gravity gives them another potential energy.
@@ -770,7 +771,7 @@ fn what_is_missing_ends_where_the_inlet_ends() {
         let (found, warning) = with(amounts);
         assert!((found - missing).abs() < 1e-12 * missing.max(1.0), "{amounts}: {found:e}");
         let told = format!(
-            "inlet `tap`: {told} that were due have not come; 2 particles, 2.0000e-3 kg, came"
+            "inlet `tap`: {told} due were not inserted; inserted: 2 particles, 2.0000e-3 kg"
         );
         assert_eq!(warning, told, "{amounts}");
     }

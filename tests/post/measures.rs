@@ -724,7 +724,7 @@ fn the_program_makes_measures_and_refuses_what_is_none() {
     let (status, said, message) = run(&all);
     assert_eq!(status, Some(0), "{message}");
     assert!(
-        said.contains("flow: 50.00 grains/s, 0.5000 kg/s from 0 s to 0.2000 s (3 rows)"),
+        said.contains("flow: 50.00 particles/s, 0.5000 kg/s from 0 s to 0.2000 s (3 rows)"),
         "{said}"
     );
     assert!(said.contains("20 x 16 x 18 cells"), "{said}");

@@ -407,7 +407,7 @@ fn a_box_that_no_plane_ends_is_doubtful() {
     let told = doubts(&ball);
     assert_eq!(told.len(), 2, "{told:?}");
     assert!(told[0].contains("grain towards -x, +x, -y, +y, -z, +z, be it in flight"), "{told:?}");
-    assert!(told[1].starts_with("wall \"pipe\" is no plane across an axis and ends"), "{told:?}");
+    assert!(told[1].starts_with("wall \"pipe\" is not a plane across an axis and limits"), "{told:?}");
     let volume = ball.report().summary.volume_m3.unwrap();
     close(volume / 8e-9, 1.0, ROUNDING, "the box about the ball");
     ball.header.cell = Cell::new(low, high, [true; 3]);

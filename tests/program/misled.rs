@@ -93,8 +93,7 @@ fn a_mistake_ends_in_one_message() {
             status: WRONG_INPUT,
             message: &[
                 "8 pairs overlap by more than 5 %",
-                "particle 0 and particle 1: so deep that no contact method can find a normal, at \
-                 (5.0000e-3, 5.0000e-3, 5.0000e-3) m",
+                "particle 0 and particle 1: too deep for any contact method, at (5.0000e-3, 5.0000e-3, 5.0000e-3) m",
                 "Move them apart",
             ],
         },

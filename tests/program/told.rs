@@ -13,7 +13,7 @@ fn questions_are_answered_once() {
         (&[heap, "--check"], &["heap.toml: no errors found"]),
         (
             &[heap, "--plan"],
-            &["A heap in a corner", "ellipsoid of stone", "Left out", "no counts of periods"],
+            &["A heap in a corner", "ellipsoid of stone", "Left out", "no period counts"],
         ),
         (&["--help"], &["Usage: dem-mpi", "--start <SNAPSHOT>", "Exit status: 0"]),
         (&["--version"], &[version]),

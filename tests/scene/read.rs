@@ -167,7 +167,7 @@ fn meshes_are_read_however_they_are_written() {
             b"v 0,5 0 0\n".to_vec(),
             "line 1: `0,5` is not a finite number; decimals are written with a point",
         ),
-        ("a.obj", b"v 0 0\n".to_vec(), "line 1: a corner has three coordinates, this one has 2"),
+        ("a.obj", b"v 0 0\n".to_vec(), "line 1: a corner needs three coordinates, not 2"),
         (
             "a.obj",
             b"v 0 0 0\n\nf 1 2 3\n".to_vec(),
@@ -189,9 +189,9 @@ fn meshes_are_read_however_they_are_written() {
         (
             "a.stl",
             stl.replace("outer loop", "outer loops\nloop").into_bytes(),
-            "line 4: `vertex` or `endloop` should stand here, not `loop`",
+            "line 4: expected `vertex` or `endloop`, not `loop`",
         ),
-        ("a.stl", TRIANGLE.as_bytes().to_vec(), "line 1: `solid` should stand here, not `facet`"),
+        ("a.stl", TRIANGLE.as_bytes().to_vec(), "line 1: expected `solid`, not `facet`"),
         ("a.stl", cut, "it says that it has 1 triangles, and has bytes for 0"),
         ("a.stl", huge, "triangle 0 (the first is 0) has a coordinate that is not finite"),
     ];
@@ -322,7 +322,7 @@ fn what_once_panicked_is_refused() {
         ] {
             let errors = refused(&text, folder.path());
             assert!(
-                errors.contains("leaves the range of lengths, from 1e-40 to 1e30 m"),
+                errors.contains("is outside the range of lengths, 1e-40 to 1e30 m"),
                 "{errors}"
             );
         }

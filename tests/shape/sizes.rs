@@ -917,7 +917,7 @@ fn the_report_holds_sizes_against_what_was_asked_for() {
     assert!((asked.by_mass_d10_d50_d90[1] - 1.0).abs() < 1e-4, "{asked:?}");
     assert!((found.by_mass_d10_d50_d90[1] - 1.0).abs() < 1e-2, "{found:?}");
     let plots = dem_mpi::post::sizes::plots(&sizes).unwrap();
-    assert!(plots.len() == 1 && plots[0].svg.contains("by mass, asked for"));
+    assert!(plots.len() == 1 && plots[0].svg.contains("by mass, requested"));
 }
 
 /// A size distribution gives a warning if all its particles are listed without scales. Listed scales beyond the distribution are reported

@@ -234,14 +234,14 @@ fn a_stage_goes_on_until_the_lid_has_landed() {
     // A stage that is too short reports the unmet condition.
     let short = ended(&falls.replace("steps = 40000", "steps = 5000"));
     assert_eq!(short.ending, Ending::LastStep);
-    assert_eq!(short.unmet, "wall \"lid\" moves freely, and no grain touches it");
+    assert_eq!(short.unmet, "wall \"lid\" moves freely, and no particle touches it");
     let motion = "[[motion]]\nwalls = [\"lid\"]\nalong = [0, 0, 2]\nmass = 0.05\n";
     let with_servo = falls
         .replace(motion, "[[servo]]\nwalls = [\"lid\"]\nforce = 1.0\n")
         .replace("steps = 40000", "steps = 200");
     let short = ended(&with_servo);
     assert!(
-        short.unmet.contains("wall lid has a servo, and no grain touches it"),
+        short.unmet.contains("wall lid has a servo, and no particle touches it"),
         "{}",
         short.unmet
     );
@@ -324,7 +324,7 @@ fn what_cannot_be_free_is_refused() {
     let good = crowd();
     for (from, to, said) in [
         ("mass = 0.5", "mass = 0", "a number greater than 0"),
-        ("walls = [\"lid\"]", "walls = [\"lid\", \"lid\"]", "stands there twice"),
+        ("walls = [\"lid\"]", "walls = [\"lid\", \"lid\"]", "occurs twice"),
         (
             "mass = 0.5\nforce = -20",
             "amplitude = 1\nfrequency = 1\nforce = -20",
@@ -334,7 +334,7 @@ fn what_cannot_be_free_is_refused() {
         (
             "along = [0, 0, 1]",
             "about = [0, 0, 0]\naxis = [0, 0, 1]",
-            "is of a motion `along` a direction",
+            "needs a motion `along` a direction",
         ),
         (
             "force = -20\n",

@@ -781,7 +781,7 @@ fn meshes_that_are_no_surface_are_refused_and_others_are_described() {
     let mesh = TriangleMesh::new(&odd, 0.1).unwrap();
     let findings = mesh.findings();
     assert_eq!((findings.left_out, findings.crowded_edges), (2, 1));
-    assert!(mesh.summary().contains("1 edges of three triangles or more"), "{}", mesh.summary());
+    assert!(mesh.summary().contains("1 edges of three or more triangles"), "{}", mesh.summary());
     // A ball in front of that edge does not touch the edge, as the third triangle stands there.
     let ball = Shape::Sphere(Sphere { radius: 0.1 });
     close(

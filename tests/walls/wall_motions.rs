@@ -424,7 +424,7 @@ fn bad_tables_are_refused_with_their_line() {
             "angle_deg",
             "must have the columns time_s,displacement_m; it has time_s,angle_deg",
         ),
-        ("0.01,0.0005\n\n# then\n0.02,0.001\n", "", "must have two rows at least"),
+        ("0.01,0.0005\n\n# then\n0.02,0.001\n", "", "must have at least two rows"),
     ] {
         std::fs::write(&table, good.replacen(from, to, 1)).unwrap();
         expect_refused(&text, "[[motion]]", "[[motion]]", said);
