@@ -402,7 +402,7 @@ fn table(report: &Report) -> String {
             line.trim_end().to_string()
         }));
     }
-    lines.extend(report.doubts.iter().map(|doubt| format!("\ndoubtful: {doubt}")));
+    lines.extend(report.doubts.iter().map(|doubt| format!("\nwarning: {doubt}")));
     lines.join("\n") + "\n"
 }
 

@@ -645,7 +645,7 @@ fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) ->
     let touched = sim.touched_by(id, comm);
     let names: Vec<String> = touched.iter().map(|&id| particles.body_name(id)).collect();
     let touched_walls = touched.iter().any(|id| id.wall_index().is_some());
-    let touched = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
+    let touched = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
     let advice = match error {
         DomainError::NotFinite { .. } => "",
         DomainError::Outside { .. } if touched_walls => {

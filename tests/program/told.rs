@@ -57,7 +57,7 @@ fn every_contact_method_runs() {
         ));
         ended.said_once("all steps done");
         assert_eq!(
-            ended.errors.contains("a collision gains or loses energy"),
+            ended.errors.contains("collisions gain or lose energy"),
             method == "gjk-erosion",
             "{ended}"
         );

@@ -173,9 +173,9 @@ fn meshes_are_read_however_they_are_written() {
             b"v 0 0 0\n\nf 1 2 3\n".to_vec(),
             "line 3: this face has the corner 2; the file has 1",
         ),
-        ("a.obj", b"v 0 0 0\nf 1 -2 3\n".to_vec(), "line 2: `-2` is no corner of a face"),
-        ("a.obj", b"v 0 0 0\nf 1 0 3\n".to_vec(), "line 2: `0` is no corner of a face"),
-        ("a.stl", stl.as_bytes()[..55].to_vec(), "line 4: the file ends here, before `endsolid`"),
+        ("a.obj", b"v 0 0 0\nf 1 -2 3\n".to_vec(), "line 2: `-2` is not a corner of a face"),
+        ("a.obj", b"v 0 0 0\nf 1 0 3\n".to_vec(), "line 2: `0` is not a corner of a face"),
+        ("a.stl", stl.as_bytes()[..55].to_vec(), "line 4: the file ends before `endsolid`"),
         (
             "a.stl",
             stl.replace("1 0 0", "1 0 nan").into_bytes(),
@@ -192,7 +192,7 @@ fn meshes_are_read_however_they_are_written() {
             "line 4: expected `vertex` or `endloop`, not `loop`",
         ),
         ("a.stl", TRIANGLE.as_bytes().to_vec(), "line 1: expected `solid`, not `facet`"),
-        ("a.stl", cut, "it says that it has 1 triangles, and has bytes for 0"),
+        ("a.stl", cut, "its header gives 1 triangles, but its bytes are for 0"),
         ("a.stl", huge, "triangle 0 (the first is 0) has a coordinate that is not finite"),
     ];
     for (name, bytes, wrong) in cases {
@@ -277,13 +277,13 @@ fn corners_within_faces_are_refused() {
     let l = [[0.0, 0.0], [0.02, 0.0], [0.02, 0.01], [0.01, 0.01], [0.01, 0.02], [0.0, 0.02]];
     let errors = refused(&outline(&l), Path::new(""));
     assert!(
-        errors.contains("point 3 (the first is 0) lies within a face of the convex hull"),
+        errors.contains("point 3 (the first is 0) is within a face of the convex hull"),
         "{errors}"
     );
     // The corner is off the face by rounding, outwards and inwards.
     for off in [-1e-11, 1e-11] {
         let off = outline(&l).replace("[0.01, 0.01, 0.0]", &format!("[0.01, 0.01, {off:e}]"));
-        assert!(refused(&off, Path::new("")).contains("lies within a face"));
+        assert!(refused(&off, Path::new("")).contains("is within a face"));
     }
     let volume = |points: &[[f64; 2]]| {
         parse(&outline(points), Path::new("")).unwrap().library.shapes[0].volume()
@@ -527,6 +527,6 @@ fn folders_that_cannot_be_are_named() {
             program(env!("CARGO_BIN_EXE_dem-mpi"), &["scene.toml", "--out", out], folder.path());
         let said = said(&output);
         assert_eq!(output.status.code(), Some(2));
-        assert!(said.contains("no run can write into") && !said.contains("disk"), "{said}");
+        assert!(said.contains("cannot write into") && !said.contains("disk"), "{said}");
     }
 }

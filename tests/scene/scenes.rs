@@ -155,15 +155,18 @@ fn other_units_are_doubtful() -> Result<()> {
     let meshes = "mesh_walls.toml";
     assert_eq!(doubts_with(meshes, &[])?, Vec::<String>::new());
     for (changes, words) in [
-        (&["material.glass.friction=30"][..], "is it an angle in degrees? Its tangent is 0.58"),
-        (&["wall.box.shift=[1, 0, 0]"], "is outside the domain: is the `scale` of its mesh"),
+        (
+            &["material.glass.friction=30"][..],
+            "if this is an angle in degrees, its coefficient is 0.58",
+        ),
+        (&["wall.box.shift=[1, 0, 0]"], "is outside the domain: check the `scale` of its mesh"),
         (&["wall.box.scale=1", "wall.box.shift=[7, -21, -30]"], "times as large as the domain"),
     ] {
         let doubts = doubts_with(meshes, changes)?;
         assert!(matches!(&doubts[..], [doubt] if doubt.contains(words)), "{changes:?}: {doubts:?}");
     }
     let pressed = |stress: &str| doubts_with("every_key.toml", &[stress]);
-    let is_pressed = |doubts: Vec<String>| doubts.iter().any(|d| d.contains("into each other"));
+    let is_pressed = |doubts: Vec<String>| doubts.iter().any(|d| d.contains("causes overlaps"));
     assert!(!is_pressed(pressed("servo.0.stress=1")?));
     assert!(is_pressed(pressed("servo.0.stress=1e9")?));
     let lid = doubts_with("every_key.toml", &["servo.0.stress=1", "motion.0.force=-1e9"])?;
@@ -606,9 +609,7 @@ fn mistakes_of_included_files_have_their_places() {
     let itself = files(&[("scene.toml", "include = \"scene.toml\"\n")]);
     assert_eq!(
         mistakes(itself.path(), "scene.toml", &[]),
-        [
-            "scene.toml:1: include = \"scene.toml\": is circular: scene.toml includes scene.toml"
-        ]
+        ["scene.toml:1: include = \"scene.toml\": is circular: scene.toml includes scene.toml"]
     );
     for (include, said) in [
         (
@@ -631,7 +632,10 @@ fn mistakes_of_included_files_have_their_places() {
         (0..20).map(|k| (format!("{k}.toml"), format!("include = \"{}.toml\"\n", k + 1))).collect();
     let deep: Vec<(&str, &str)> = deep.iter().map(|(name, text)| (&**name, &**text)).collect();
     let found = mistakes(files(&deep).path(), "0.toml", &[]);
-    assert!(found[0].contains("is too much: a scene has at most 100 files, and 16"), "{found:?}");
+    assert!(
+        found[0].contains("exceeds the limit: a scene has at most 100 files, nested 16"),
+        "{found:?}"
+    );
 }
 
 /// A stage that is `like` the previous one, in another folder, with a mesh.
@@ -684,8 +688,7 @@ fn a_stage_that_is_like_none_says_so() -> Result<()> {
     let own = "[time]\nstep = 2e-5\nsteps = 3\n[output]\ndirectory = \"next\"\n";
     let of = |head: &str| files(&[("scene.toml", &format!("{head}\n{own}"))]);
     let without_start = of("like = \"start\"");
-    let said =
-        "scene.toml:1: like = \"start\": needs `start`, the snapshot with the scene to use";
+    let said = "scene.toml:1: like = \"start\": needs `start`, the snapshot with the scene to use";
     assert_eq!(mistakes(without_start.path(), "scene.toml", &[]), [said]);
     let other = of("like = \"begin\"");
     let said = "scene.toml:1: like = \"begin\": no such choice (allowed: start)";
@@ -1067,7 +1070,7 @@ fn the_plan_counts_the_steps_that_rain_needs() -> Result<()> {
         let overrides = ["gravity=[0, 0, -9.81]".to_owned(), set.to_owned()];
         Ok(plan(&Scene::parse(scene, "rain", Path::new(""), &overrides)?, 1))
     };
-    let late = "a layer leaves its slab after 600 steps, so the last of 3 appears at step 1400 or later, and there are 1200 steps";
+    let late = "a layer leaves its slab after 600 steps, so the last of 3 appears at step 1400 or later, but the stage has 1200 steps";
     let short = with_steps("time.steps=1200")?;
     assert!(short.contains(late) && short.contains("one in 600 steps"), "{short}");
     for enough in ["time.steps=1401", "fill.rain.velocity=[0, 0, -0.3]"] {
@@ -1075,7 +1078,7 @@ fn the_plan_counts_the_steps_that_rain_needs() -> Result<()> {
         assert!(!long.contains("will not fall"), "{long}");
     }
     // 48 balls make a bed of 25 mm, from which the slab is 165 mm away: a fall of 183.6 ms after step 1400.
-    let falling = "the last appears at step 1400 or later and needs some 1837 steps to the bed, and there are 3000 steps";
+    let falling = "the last appears at step 1400 or later and needs some 1837 steps, but the stage has 3000 steps";
     let short = with_steps("time.steps=3000")?;
     assert!(short.contains(falling), "{short}");
     assert!(!with_steps("time.steps=3300")?.contains("rain will"));
@@ -1183,7 +1186,7 @@ normal = [0, 0, -1]
     for moving in ["velocity = [0, 0, -0.01]\n", turning, &swinging] {
         assert_eq!(doubts_of(moving)?, Vec::<String>::new());
         let doubts = doubts_of(&(moving.to_owned() + stop))?;
-        let told = "[stop] has `unbalanced`, which is of bodies that come to rest, and wall \"lid\" never stops";
+        let told = "[stop] `unbalanced` needs bodies at rest, but wall \"lid\" moves for ever";
         assert!(matches!(&doubts[..], [doubt] if doubt.starts_with(told)), "{moving}: {doubts:?}");
     }
     // Motions that end by themselves, or that the particles stop.
@@ -1194,7 +1197,7 @@ normal = [0, 0, -1]
     }
     assert_eq!(doubts_of(&format!("{stop}after = 1e-4\n"))?, Vec::<String>::new());
     let doubts = doubts_of(&format!("{stop}after = 1.1e-4\n"))?;
-    let told = "[stop] is looked at after 0.00011 s, and the stage lasts 1.000e-4 s";
+    let told = "[stop] is checked only after 0.00011 s, but the stage lasts 1.000e-4 s";
     assert!(matches!(&doubts[..], [doubt] if doubt.starts_with(told)), "{doubts:?}");
     Ok(())
 }

@@ -125,7 +125,7 @@ fn where_nothing_touches_there_is_nothing_to_compare() {
     let ((_folder, file), signal) = (file(&apart), AtomicUsize::new(0));
     match suggest(&asked(&file, 0.01, &signal), &mut |_| ()) {
         Err(Unanswered::Input(why)) => {
-            assert!(why.contains("nothing to compare") && why.contains("--start"), "{why}");
+            assert!(why.contains("no particle has a contact") && why.contains("--start"), "{why}");
         }
         other => panic!("{other:?}"),
     }

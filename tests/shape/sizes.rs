@@ -646,7 +646,7 @@ fn sizes_of_a_start_count_as_those_of_the_scene() {
     let over = format!("time.step = {long:?}: over the stable limit of {:.2e} s", 0.995 * small);
     for (step, speed, line, said) in [
         (format!("{long:?}"), 0.0, "step = ", over.as_str()),
-        ("2e-6".to_owned(), -fast, "velocity = ", "of the shortest axis of the smallest grain"),
+        ("2e-6".to_owned(), -fast, "velocity = ", "of the shortest particle axis"),
     ] {
         // Particles of the shape's own size are accepted.
         parsed(&text("", ONE, &step, speed)).unwrap();

@@ -43,7 +43,10 @@ fn the_stage_before_is_not_this_one() {
     let start = format!("start = {:?}", folder.path());
     let next = scene(&text(&start, MATERIAL, BALL, ""));
     let refused = taken(&next, folder.path(), Continuation::SameStage).1.unwrap_err();
-    assert!(refused.contains("it is of another stage: its scene's `start` is none"), "{refused}");
+    assert!(
+        refused.contains("it belongs to another stage: its scene's `start` is none"),
+        "{refused}"
+    );
     let (mut sim, found) = taken(&next, folder.path(), Continuation::NewStage);
     found.unwrap();
     // After its start the stage's own snapshots can be continued.
@@ -51,7 +54,7 @@ fn the_stage_before_is_not_this_one() {
     save(&sim, folder.path(), &next, &mut Alone::default());
     taken(&next, folder.path(), Continuation::SameStage).1.unwrap();
     let refused = taken(&before, folder.path(), Continuation::SameStage).1.unwrap_err();
-    assert!(refused.contains("it is of another stage"), "{refused}");
+    assert!(refused.contains("it belongs to another stage"), "{refused}");
 }
 
 /// A shape without remaining particles may be missing from the scene.

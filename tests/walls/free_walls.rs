@@ -328,9 +328,9 @@ fn what_cannot_be_free_is_refused() {
         (
             "mass = 0.5\nforce = -20",
             "amplitude = 1\nfrequency = 1\nforce = -20",
-            "is of a wall with a `mass`",
+            "needs a wall with a `mass`",
         ),
-        ("mass = 0.5", "mass = 0.5\nfrequency = 1", "stands beside `mass`"),
+        ("mass = 0.5", "mass = 0.5\nfrequency = 1", "not with `mass`"),
         (
             "along = [0, 0, 1]",
             "about = [0, 0, 0]\naxis = [0, 0, 1]",
@@ -370,7 +370,7 @@ fn a_free_wall_says_what_is_wrong() {
         (warnings, String::new())
     };
     let (warnings, error) = step_until_error(&crowd().replace("mass = 0.5", "mass = 1e-6"), 4000);
-    assert!(error.contains("\"lid\" of 1e-6 kg swings"), "{error} {warnings:?}");
+    assert!(error.contains("\"lid\" of 1e-6 kg oscillates"), "{error} {warnings:?}");
     let light = below_a_lid(
         2.5e-7,
         1.0,
@@ -382,7 +382,7 @@ fn a_free_wall_says_what_is_wrong() {
     let (warnings, error) = step_until_error(&light, 1000);
     assert!(error.is_empty() && warnings.len() == 1, "{error} {warnings:?}");
     assert!(
-        warnings[0].contains("by 1.2") && warnings[0].contains("take a step of"),
+        warnings[0].contains("by 1.2") && warnings[0].contains("use a step of"),
         "{warnings:?}"
     );
     let empty = crowd()

@@ -486,11 +486,7 @@ fn bad_round_walls_are_refused() {
         ("cylinder = {", "point = [0, 0, 0]\ncylinder = {", "a wall has one surface"),
         ("radius = 0.0115", "radius = 0.0115, side = 1", "side"),
         ("cylinder = { from", "cone = { from", "a list of two: [from, to]"),
-        (
-            "walls = [\"-y\", \"+y\"]",
-            "periodic = [true, false, false]",
-            "must go through this period",
-        ),
+        ("walls = [\"-y\", \"+y\"]", "periodic = [true, false, false]", "must span this period"),
     ] {
         expect_refused(&good, from, to, said);
     }
