@@ -7,9 +7,9 @@ use dem_mpi::ids::GlobalId;
 use dem_mpi::output::performance::Performance;
 use dem_mpi::output::report::{Origin, commit, version};
 use dem_mpi::output::{self, snapshot};
-use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
+use dem_mpi::scene::assemble::{self, Continuation, RestartInfo};
 use dem_mpi::scene::one_shape;
-use dem_mpi::scene::suggest::{self, Question, Suggestion, Unanswered};
+use dem_mpi::scene::suggest::{self, Question, Suggestion, TrialError};
 use dem_mpi::scene::{Fill, Scene, Stop, keys, plan, schema};
 use dem_mpi::sim::report::{machine_bytes, report};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
@@ -468,9 +468,9 @@ fn suggested(arguments: &Arguments, comm: &dyn Comm) -> u8 {
         Err(unanswered) => {
             print_error(&unanswered);
             match unanswered {
-                Unanswered::Input(_) => WRONG_INPUT,
-                Unanswered::Signal(_) => STOPPED,
-                Unanswered::Trial(_) | Unanswered::Slower => FAILED,
+                TrialError::Input(_) => WRONG_INPUT,
+                TrialError::Signal(_) => STOPPED,
+                TrialError::Trial(_) | TrialError::Slower => FAILED,
             }
         }
     }
@@ -516,7 +516,7 @@ fn ended(arguments: &Arguments, finish: &Finish, step: u64, last_step: u64, comm
 }
 
 /// Prints the snapshots that were passed over, and the walls that are not where the scene puts them.
-fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
+fn print_taken_up(taken: &RestartInfo, comm: &dyn Comm) {
     for error in &taken.passed_over {
         print_once(comm, format!("skipped: {error}"));
     }

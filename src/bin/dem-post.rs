@@ -12,7 +12,7 @@ use dem_mpi::output::tables::ContactTable;
 use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
-use dem_mpi::post::measures::{Asked, Source};
+use dem_mpi::post::measures::{Requested, Source};
 use dem_mpi::post::plots::Plot;
 use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::report::csv;
@@ -91,7 +91,7 @@ struct Arguments {
     vtp: bool,
 
     #[command(flatten)]
-    asked: Asked,
+    asked: Requested,
 
     /// Print a module for Python that reads snapshots as numpy arrays and VTK objects, and do nothing else:
     /// dem-post --python > dem.py

@@ -10,7 +10,7 @@
 //! A light wall on many particles needs shorter steps than the particles do: it oscillates with `√(K/m)`, where `K` is the
 //! total stiffness of its contacts. If `dt √(K/m)` exceeds 1 the run warns, above 2 it stops.
 
-use super::clearance::Astray;
+use super::clearance::Unloaded;
 use super::load::{self, Line};
 use super::{Drive, DriveError, Observer, Reporter, Restart, SavedColumn, Steering, View};
 use crate::cell::Cell;
@@ -171,10 +171,10 @@ impl Drive for FreeWalls {
             let speed = running.speed_under(force, moment.dt);
             running.speed = Some(speed);
             walls[wall].velocity = running.velocity();
-            let place = match Astray::of(&walls[wall], walls, cell, library) {
+            let place = match Unloaded::of(&walls[wall], walls, cell, library) {
                 None => continue,
-                Some(Astray::Closed { .. }) => "at the opposite side of",
-                Some(Astray::Open | Astray::Gone) => "far out of",
+                Some(Unloaded::Closed { .. }) => "at the opposite side of",
+                Some(Unloaded::Open | Unloaded::Gone) => "far out of",
             };
             return Err(DriveError(format!(
                 "wall \"{}\" moves freely and is {place} the domain, at {speed:.3e} m/s along its line: put particles \

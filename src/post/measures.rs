@@ -3,7 +3,9 @@
 use super::draw::{Axes, BLUE, Mark, ORANGE, PlotError, SIZE, Series, chart, linear, span};
 use super::errors::MeasureError;
 use super::fields::{Fields, Smoothing, Weight};
-use super::flow::{Gate, Passed, Rate, ThroughPlane, Window, through_outlet, through_plane};
+use super::flow::{
+    CumulativeFlow, Gate, Rate, ThroughPlane, Window, through_outlet, through_plane,
+};
 use super::history::History;
 use super::mixing::{Groups, Members, Mixing};
 use super::plots::{Plot, Width};
@@ -24,7 +26,7 @@ use std::path::Path;
 /// Requested measures.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Measures for process equipment")]
-pub struct Asked {
+pub struct Requested {
     /// Also write density, solid fraction, velocity and stress on a grid, fields_STEP.vtkhdf and .csv, by coarse graining
     /// with this width, in metres or diameters of the largest shape: rho = sum of m phi(r - x)
     #[arg(long, value_name = "WIDTH")]
@@ -81,7 +83,7 @@ pub struct Shown {
     pub failed: Vec<MeasureError>,
 }
 
-impl Asked {
+impl Requested {
     /// Makes the requested measures and writes their tables into a folder. A failure does not affect the others.
     pub fn make(&self, source: Source, out: &Path) -> Shown {
         let mut shown = Shown::default();
@@ -274,7 +276,7 @@ fn make_slope(
 }
 
 /// Cumulative flow, and the line whose slope is the rate.
-fn flow_plot(rows: &[Passed], rate: &Rate) -> Result<Plot, PlotError> {
+fn flow_plot(rows: &[CumulativeFlow], rate: &Rate) -> Result<Plot, PlotError> {
     let points: Vec<_> = rows.iter().map(|row| (row.time_s, row.mass_kg)).collect();
     let axes = time_axes("mass passed (kg)", &points, span(points.iter().map(|p| p.1)));
     let in_window =

@@ -9,7 +9,7 @@ use crate::contacts::Contacts;
 use crate::domain::{Domain, halo_width};
 use crate::drive::element::Element;
 use crate::drive::free::FreeWalls;
-use crate::drive::groups::{self, Groups, What};
+use crate::drive::groups::{self, GroupMotion, Groups};
 use crate::drive::inlet::Inlets;
 use crate::drive::ledger::Ledger;
 use crate::drive::outlet::Outlets;
@@ -244,8 +244,8 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
 /// Data of a group for the particles.
 fn group(group: &groups::Group) -> Group {
     let about = match &group.what {
-        What::Held(path) => path.course.turn.as_ref().map(|_| path.about),
-        What::Pushed(_) => None,
+        GroupMotion::Held(path) => path.course.turn.as_ref().map(|_| path.about),
+        GroupMotion::Pushed(_) => None,
     };
     Group { name: group.name.clone(), about }
 }
@@ -279,7 +279,7 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
 
 /// Information from the snapshot from which a run continues.
 #[derive(Clone, Debug)]
-pub struct TakenUp {
+pub struct RestartInfo {
     /// Errors of newer snapshots that were passed over.
     pub passed_over: Vec<SnapshotError>,
     /// The `[stop]` that held when it was written; empty if none did.
@@ -316,7 +316,7 @@ pub fn take_up(
     path: &Path,
     continuation: Continuation,
     comm: &mut dyn Comm,
-) -> Result<TakenUp, StartError> {
+) -> Result<RestartInfo, StartError> {
     let reader = Reader::open_together(path, comm)?;
     let read = read_part(&reader, reader.path(), scene, comm);
     let (header, mut particles, records) = agree(comm, read)?;
@@ -435,7 +435,7 @@ pub fn take_up(
         Continuation::SameStage => {}
     }
     let passed_over = reader.passed_over().to_vec();
-    Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere, other_walls, forgotten })
+    Ok(RestartInfo { passed_over, stop: header.stop, walls_elsewhere, other_walls, forgotten })
 }
 
 /// Value of `start` in the text of a scene.

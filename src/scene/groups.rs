@@ -10,7 +10,9 @@ use super::reader::{Given, Section};
 use super::regions::region;
 use super::walls::{LONGEST_MOVE, Walls, rotation, too_far};
 use crate::cell::Cell;
-use crate::drive::groups::{Drag, DragLaw, Group, Load, Path as Way, Push, What, Who};
+use crate::drive::groups::{
+    Drag, DragLaw, Group, GroupMotion, Load, Path as GroupPath, Push, Selection,
+};
 use crate::ids::ShapeId;
 use crate::math::{Vec3, printed_limit};
 use crate::population::Library;
@@ -78,7 +80,12 @@ pub(super) fn read(
 }
 
 /// Particles of a group; `number` is that of the group.
-fn who(section: &Section, around: &Around, inlets: &mut [Inlet], number: usize) -> Option<Who> {
+fn who(
+    section: &Section,
+    around: &Around,
+    inlets: &mut [Inlet],
+    number: usize,
+) -> Option<Selection> {
     let shapes = section.read_or("shapes", Vec::new(), |given| {
         let items = if given.text().is_some() { vec![given.clone()] } else { given.list()? };
         let shape = |item: &Given| around.shapes.names.find(item, item.text()?);
@@ -106,7 +113,7 @@ fn who(section: &Section, around: &Around, inlets: &mut [Inlet], number: usize) 
             inlet.group = number as u16;
         }
     }
-    Some(Who { shapes: shapes?, region: within?, ids: ids?, by_inlet: by_inlet.is_some() })
+    Some(Selection { shapes: shapes?, region: within?, ids: ids?, by_inlet: by_inlet.is_some() })
 }
 
 /// First and last ids.
@@ -129,7 +136,7 @@ fn ids(section: &Section) -> Option<Vec<[u64; 2]>> {
 }
 
 /// Motion of a group.
-fn what(section: &Section, around: &Around, name: &str) -> Option<What> {
+fn what(section: &Section, around: &Around, name: &str) -> Option<GroupMotion> {
     let Around { domain, walls, .. } = around;
     let fixed = section.boolean_or("fixed", false);
     let velocity = section.vector_or("velocity", Vec3::zeros());
@@ -140,7 +147,7 @@ fn what(section: &Section, around: &Around, name: &str) -> Option<What> {
     let turning = rotation.map_or_else(Vec3::zeros, |(_, rate)| rate);
     let (course, of_motion) = walls.motions().of_group(name, &velocity?, &turning);
     let about = rotation.map(|(about, _)| about).or(of_motion).unwrap_or_else(Vec3::zeros);
-    let path = Way { course, about };
+    let path = GroupPath { course, about };
     let moves = ["velocity", "rotation"].iter().any(|key| section.get(key).is_some());
     let is_held = fixed? || moves || !path.is_still();
     if fixed? && (moves || !path.is_still()) {
@@ -159,7 +166,7 @@ fn what(section: &Section, around: &Around, name: &str) -> Option<What> {
         section.fail("has prescribed motion or drag, which are undefined in the flow of a sheared or strained domain; \
              leave out `shear` or [cell], or the group");
     }
-    if is_held { Some(What::Held(path)) } else { pushed.map(What::Pushed) }
+    if is_held { Some(GroupMotion::Held(path)) } else { pushed.map(GroupMotion::Pushed) }
 }
 
 fn push(section: &Section, around: &Around) -> Option<Push> {
@@ -224,7 +231,7 @@ fn check_newcomers(section: &Section, group: &Group, around: &Around, inlets: &[
 pub(super) fn check_speeds(root: &Section, groups: &[Group], library: &Library, dt: f64) {
     for (section, group) in root.sections("group").iter().zip(groups) {
         match &group.what {
-            What::Held(path) => {
+            GroupMotion::Held(path) => {
                 let (shifts, _) = path.course.fastest();
                 let speed = shifts.iter().map(Vec3::norm).sum::<f64>();
                 if let Some(most) = too_far(speed, Some(dt), library) {
@@ -237,7 +244,7 @@ pub(super) fn check_speeds(root: &Section, groups: &[Group], library: &Library, 
                     ));
                 }
             }
-            What::Pushed(push) => {
+            GroupMotion::Pushed(push) => {
                 let rate = |(shape, scale): (ShapeId, f64)| {
                     push.drag.map_or(0.0, |drag| drag.rate_at_rest(library, shape, scale))
                 };

@@ -6,7 +6,7 @@ use super::matter::Materials;
 use super::mistakes::{Location, Mistakes};
 use super::reader::Given;
 use crate::ids::{MaterialId, ShapeId};
-use crate::law::{Beside, Body, Choice, ForceLaw, hertz};
+use crate::law::{Additions, Body, Choice, ForceLaw, hertz};
 use crate::population::Library;
 use std::collections::BTreeSet;
 
@@ -45,7 +45,7 @@ impl Forces {
                 let sticks = law.adhesion.of(a, b).surface_energy;
                 Self { sticks, ..Self::of_hertz(&law.elastic, a, b) }
             }
-            Choice::With(law, Beside { adhesion, .. }) => {
+            Choice::With(law, Additions { adhesion, .. }) => {
                 let sticks = adhesion.as_ref().map_or(0.0, |all| all.of(a, b).surface_energy);
                 Self { sticks, ..Self::of(law, a, b) }
             }

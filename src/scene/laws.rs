@@ -9,7 +9,7 @@ use crate::contact::curvature::LARGEST_RATIO;
 use crate::ids::MaterialId;
 use crate::law::hertz::{self, jkr};
 use crate::law::linear::{self, damping_ratio_of_restitution};
-use crate::law::{Beside, Choice, Dashpots, Interactions, Mixing};
+use crate::law::{Additions, Choice, Dashpots, Interactions, Mixing};
 use crate::law::{dmt, rolling};
 use crate::population::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
@@ -67,7 +67,7 @@ impl LargestOverlap {
 
 /// Additions to the forces that `[law]` requests.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Asked {
+pub(super) struct Requests {
     rolling: bool,
     twisting: bool,
     adhesion: Adhesion,
@@ -84,7 +84,7 @@ enum Adhesion {
     Jkr,
 }
 
-impl Asked {
+impl Requests {
     const fn turning(self) -> bool {
         self.rolling || self.twisting
     }
@@ -110,8 +110,8 @@ fn under_load(root: &Section) -> LargestOverlap {
 }
 
 /// Law requested by `[law]`.
-pub(super) fn kind(root: &Section) -> (Kind, Asked) {
-    let linear = (Kind::Linear { dashpots: Dashpots::default() }, Asked::default());
+pub(super) fn kind(root: &Section) -> (Kind, Requests) {
+    let linear = (Kind::Linear { dashpots: Dashpots::default() }, Requests::default());
     let law = root.read_or("law", linear, |given| {
         let section = given.section()?;
         let limited = section.boolean_or("limit_damping", true);
@@ -120,7 +120,7 @@ pub(super) fn kind(root: &Section) -> (Kind, Asked) {
         let is_hertz = section.read_or("normal", false, |given| given.one_of(&offered))?;
         let asked = asked(&section, is_hertz);
         // Adhesion attracts regardless of dashpots.
-        let is_jkr = asked.is_some_and(Asked::is_jkr);
+        let is_jkr = asked.is_some_and(Requests::is_jkr);
         let dashpots = Dashpots { limited: limited? && !is_jkr, foreseen: foreseen? };
         let kind = parts(&section, is_hertz, dashpots, root);
         kind.zip(asked)
@@ -129,7 +129,7 @@ pub(super) fn kind(root: &Section) -> (Kind, Asked) {
 }
 
 /// Additions to the forces.
-fn asked(section: &Section, is_hertz: bool) -> Option<Asked> {
+fn asked(section: &Section, is_hertz: bool) -> Option<Requests> {
     let spring = |key| {
         section.read_or(key, false, |given| given.one_of(&[("none", false), ("spring", true)]))
     };
@@ -142,7 +142,7 @@ fn asked(section: &Section, is_hertz: bool) -> Option<Asked> {
         }
         Some(adhesion)
     });
-    let asked = Asked { rolling: rolling?, twisting: twisting?, adhesion: adhesion? };
+    let asked = Requests { rolling: rolling?, twisting: twisting?, adhesion: adhesion? };
     if asked.is_jkr() {
         for key in ["rolling", "twisting"] {
             if let Some(given) = section.get(key)
@@ -241,7 +241,7 @@ pub(super) fn unfit(law: &Choice, library: &Library) -> Vec<(usize, String)> {
         _ => None,
     };
     let of_adhesion = match law {
-        Choice::With(_, Beside { adhesion: Some(_), .. }) => first(&unfit_for_dmt),
+        Choice::With(_, Additions { adhesion: Some(_), .. }) => first(&unfit_for_dmt),
         Choice::Jkr(_) => first(&unfit_for_jkr),
         _ => None,
     };
@@ -297,7 +297,7 @@ fn is_long(shape: &Shape) -> bool {
 /// Materials, and the law with their constants; `None` if any is invalid.
 pub(super) fn materials(
     root: &Section,
-    (kind, asked): (Kind, Asked),
+    (kind, asked): (Kind, Requests),
 ) -> (Materials, Option<Choice>) {
     match kind {
         Kind::Linear { dashpots } => {
@@ -322,7 +322,11 @@ pub(super) fn materials(
 }
 
 /// Adapts the law to the stress of walls that move freely [Pa].
-pub(super) fn under_free_walls(mut law: Choice, (kind, _): (Kind, Asked), stress: f64) -> Choice {
+pub(super) fn under_free_walls(
+    mut law: Choice,
+    (kind, _): (Kind, Requests),
+    stress: f64,
+) -> Choice {
     if let (Kind::Hertz { largest_overlap, .. }, Some(settings)) = (kind, law.hertz_mut()) {
         settings.largest_overlap = largest_overlap.value(&settings.interactions, stress);
     }
@@ -332,7 +336,7 @@ pub(super) fn under_free_walls(mut law: Choice, (kind, _): (Kind, Asked), stress
 /// Materials, and the law of these constants with the requested additions.
 fn with_more<C: Mixing + Default>(
     root: &Section,
-    asked: Asked,
+    asked: Requests,
     read: impl Fn(&Section, Option<&C>) -> Option<C>,
     law: impl Fn(Interactions<C>) -> Choice,
 ) -> (Materials, Option<Choice>) {
@@ -357,7 +361,7 @@ fn with_more<C: Mixing + Default>(
             return forces;
         }
         let turning = asked.turning().then(|| all.map(|(_, (turning, _))| *turning));
-        Choice::With(Box::new(forces), Beside { turning, adhesion })
+        Choice::With(Box::new(forces), Additions { turning, adhesion })
     });
     (materials, law)
 }
@@ -366,7 +370,7 @@ fn with_more<C: Mixing + Default>(
 fn of_adhesion(
     section: &Section,
     mixed: Option<&dmt::Constants>,
-    asked: Asked,
+    asked: Requests,
 ) -> Option<dmt::Constants> {
     let mixed = mixed.copied().unwrap_or_default();
     if asked.adhesion == Adhesion::None {
@@ -385,7 +389,7 @@ const TURNING_DAMPING_RATIO: f64 = 0.3;
 fn of_turning(
     section: &Section,
     mixed: Option<&rolling::Constants>,
-    asked: Asked,
+    asked: Requests,
 ) -> Option<rolling::Constants> {
     let mixed = mixed.copied().unwrap_or(rolling::Constants {
         damping_ratio: TURNING_DAMPING_RATIO,

@@ -6,7 +6,7 @@ use crate::cell::{AXES, Cell};
 use crate::math::Vec3;
 use crate::text::{Lines, shown};
 use crate::walls::Wall;
-use crate::walls::courses::{Course, Table, Way};
+use crate::walls::courses::{Course, Table, TimeFunction};
 use std::path::Path;
 
 /// All `[[motion]]` tables.
@@ -27,7 +27,7 @@ struct Motion<'a> {
 /// Origin of the motion.
 enum How {
     /// A function of time.
-    By(Way),
+    By(TimeFunction),
     /// Forces: on a mass [kg], along its direction, with this additional one [N].
     Freely { mass: f64, force: f64 },
 }
@@ -154,10 +154,10 @@ fn course<'a, 'b: 'a>(
     let mut course = Course { shifts: Vec::new(), turn: None };
     let (speed, rate) = (velocity.norm(), turning.norm());
     if speed > 0.0 {
-        course.shifts.push((velocity / speed, Way::Steady(speed)));
+        course.shifts.push((velocity / speed, TimeFunction::Steady(speed)));
     }
     if rate > 0.0 {
-        course.turn = Some((turning / rate, Way::Steady(rate)));
+        course.turn = Some((turning / rate, TimeFunction::Steady(rate)));
     }
     for (given, motion) in motions {
         let How::By(way) = &motion.how else { continue };
@@ -227,20 +227,20 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
 }
 
 /// An oscillation or a table; the scene has angles in degrees.
-fn way(section: &Section, turns: bool, folder: &Path) -> Option<Way> {
+fn way(section: &Section, turns: bool, folder: &Path) -> Option<TimeFunction> {
     let to_si = if turns { 1f64.to_radians() } else { 1.0 };
     if section.get("table").is_some() {
         for key in ["amplitude", "frequency", "phase"] {
             section.refuse(key, "not with `table`; a motion is an oscillation or a table");
         }
         let column = if turns { "angle_deg" } else { "displacement_m" };
-        return table(section, folder, (column, to_si)).map(Way::Table);
+        return table(section, folder, (column, to_si)).map(TimeFunction::Table);
     }
     section.refuse("interpolation", "needs a `table`");
     let amplitude = section.number("amplitude");
     let frequency = section.number("frequency");
     let phase = section.number_or("phase", 0.0);
-    Some(Way::Oscillation {
+    Some(TimeFunction::Oscillation {
         amplitude: amplitude? * to_si,
         frequency: frequency?,
         phase: phase?.to_radians(),

@@ -50,7 +50,7 @@ pub(super) fn union(
             all.into_iter().collect::<Option<Vec<Piece>>>()?
         }
         [Some(count), Some(file), None] => {
-            let wanted = Wanted { count: count.whole()? as u32, tolerance: tolerance? };
+            let wanted = CutSettings { count: count.whole()? as u32, tolerance: tolerance? };
             let name = section.get("name");
             let kept = || name.as_ref().and_then(Given::text).and_then(&kept);
             return cut(&file, &folder.join(file.text()?), scale?, &wanted, kept);
@@ -162,14 +162,14 @@ pub(super) fn cut_by() -> String {
 }
 
 /// Settings of the cut of a mesh.
-struct Wanted {
+struct CutSettings {
     /// Largest number of pieces.
     count: u32,
     /// Largest distance of the pieces from the mesh, over the radius of the body.
     tolerance: f64,
 }
 
-impl Wanted {
+impl CutSettings {
     fn is_near(&self, body: &Union) -> bool {
         body.far() <= self.tolerance * body.bounding_radius()
     }
@@ -187,7 +187,7 @@ fn cut(
     given: &Given,
     path: &Path,
     scale: f64,
-    wanted: &Wanted,
+    wanted: &CutSettings,
     kept: impl Fn() -> Option<Union>,
 ) -> Option<Shape> {
     let mut triangles = mesh::triangles(path).map_err(|error| given.fail(error)).ok()?;

@@ -10,7 +10,7 @@ use dem_mpi::output::snapshot::Reader;
 use dem_mpi::output::tables::ContactTable;
 use dem_mpi::post::errors::MeasureError;
 use dem_mpi::post::fields::{Fields, Smoothing, Weight};
-use dem_mpi::post::flow::{Passed, Plane, Rate, Window, through_plane};
+use dem_mpi::post::flow::{CumulativeFlow, Plane, Rate, Window, through_plane};
 use dem_mpi::post::mixing::{Groups, Members, Mixing};
 use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::slope::{Direction, Slope};
@@ -630,7 +630,7 @@ fn flow_is_counted_through_a_plane() {
     assert_eq!(rate.rows, 6);
     close(rate.grains, 3000.0, 1e-9, "rate");
     close(rate.mass, 0.03, 1e-9, "mass rate");
-    let row = |time_s: f64, mass_kg: f64| Passed { time_s, grains: 0.0, mass_kg };
+    let row = |time_s: f64, mass_kg: f64| CumulativeFlow { time_s, grains: 0.0, mass_kg };
     // The halves of an unsteady flow cover all of its time, so their mean is the whole.
     let unsteady: Vec<_> = [0.0, 1.0, 3.0, 9.0, 12.0]
         .into_iter()

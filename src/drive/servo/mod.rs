@@ -13,7 +13,7 @@ mod state;
 pub use law::{Goal, Pressed, Servo, State};
 pub use state::{Target, targets};
 
-use super::clearance::Astray;
+use super::clearance::Unloaded;
 use super::errors::{Errors, Record, SWINGS};
 use super::load::{self, Line};
 use super::{
@@ -98,7 +98,7 @@ impl Servos {
         let area = servo.area(walls, cell);
         let velocity = servo.velocity(state, &Pressed { area, force, stiffness }, moment.dt);
         for &k in &servo.walls {
-            if let Some(astray) = Astray::of(&walls[k], walls, cell, library) {
+            if let Some(astray) = Unloaded::of(&walls[k], walls, cell, library) {
                 let now = force / servo.divisor(area);
                 return Err(lost(&walls[k].name, astray, &servo.goal, now));
             }
@@ -119,20 +119,20 @@ impl Servos {
 }
 
 /// Error for a servo whose wall, of this name, can press on no particle. `now` is its present stress or force [Pa, N].
-fn lost(wall: &str, astray: Astray, goal: &Goal, now: f64) -> DriveError {
+fn lost(wall: &str, astray: Unloaded, goal: &Goal, now: f64) -> DriveError {
     let (what, unit, target) = goal.target();
     let reached = format!("its {what} is {now:e} {unit} of {target:e} {unit}");
     DriveError(match astray {
-        Astray::Closed { gap } => format!(
+        Unloaded::Closed { gap } => format!(
             "servo: wall \"{wall}\" is {gap:e} m from the opposite side, less than half the thickness of the thinnest \
              particle, and {reached}. Between its walls are too few particles, they have escaped, or they are too \
              soft: add particles, lower `{what}`, or raise `normal_stiffness`"
         ),
-        Astray::Open => format!(
+        Unloaded::Open => format!(
             "servo: wall \"{wall}\" has moved out of the domain by more than its width, and {reached}. A load, such \
              as the weight of the particles, exceeds the target: raise `{what}`, or fix the wall"
         ),
-        Astray::Gone => format!(
+        Unloaded::Gone => format!(
             "servo: wall \"{wall}\" is out of the domain by more than its width, and {reached}. It met too few \
              particles, or they pushed it out: put particles where they support it, or change `along` or `force`"
         ),

@@ -1,6 +1,6 @@
 //! The report as text.
 
-use super::audit::{Audit, OfKinds, Spread};
+use super::audit::{Audit, KindErrors, Spread};
 use super::sizes::SizesOf;
 use super::{DissipatedBy, Ended, Least, Memory, Ranks, Report, Share, Spent};
 use crate::drive::Kept;
@@ -302,7 +302,7 @@ impl Audit {
     }
 }
 
-impl OfKinds {
+impl KindErrors {
     fn write(&self, page: &mut Page) {
         let [a, b] = self.kinds;
         let others = |count: u64, what: &str| {

@@ -203,9 +203,9 @@ pub fn friction(used: &Histogram) -> Result<Plot, PlotError> {
 type Pick = fn(&crate::post::Summary) -> Option<f64>;
 
 /// A plot over a series: name, title, label, and the curves with their names.
-type Wanted<'a> = (&'a str, &'a str, &'a str, &'a [(&'a str, Pick)]);
+type SeriesPlot<'a> = (&'a str, &'a str, &'a str, &'a [(&'a str, Pick)]);
 
-const OVER_A_SERIES: [Wanted; 6] = [
+const OVER_A_SERIES: [SeriesPlot; 6] = [
     ("stress_ratio", "Stress ratio", "q / p", &[("", |s| s.q_over_p)]),
     (
         "volumetric_strain",

@@ -1,12 +1,12 @@
 //! Text of a suggestion.
 
 use super::estimate::{self, Expected, Floor, Rung};
-use super::trial::{Answer, SOFTER, Trials, Unanswered};
+use super::trial::{Answer, SOFTER, TrialError, Trials};
 use super::{COPIES, FINER, Question};
 use crate::scene::Scene;
 
 type Keys = &'static [(&'static str, &'static str)];
-type Tried = Result<(Expected, Answer), Unanswered>;
+type TrialResult = Result<(Expected, Answer), TrialError>;
 
 /// All results.
 pub(super) struct Found<'a> {
@@ -22,8 +22,8 @@ pub(super) struct Found<'a> {
     pub(super) method: Keys,
     pub(super) expected: Expected,
     /// Other methods.
-    pub(super) others: Vec<(Keys, Tried)>,
-    pub(super) softer: Option<Tried>,
+    pub(super) others: Vec<(Keys, TrialResult)>,
+    pub(super) softer: Option<TrialResult>,
 }
 
 impl Found<'_> {
@@ -149,7 +149,7 @@ impl Found<'_> {
         )
     }
 
-    fn softer_line(&self, tried: &Tried) -> String {
+    fn softer_line(&self, tried: &TrialResult) -> String {
         match tried {
             Ok((expected, run)) => format!(
                 "softer     {SOFTER} of the stiffness with {:.2} times the step: {:.2} of the time; error about \
@@ -189,7 +189,7 @@ pub(super) fn of_rung(trials: &Trials, rungs: &[Rung], k: usize) -> String {
 }
 
 /// Result of another method.
-pub(super) fn of_method(keys: &[(&str, &str)], tried: &Result<Answer, Unanswered>) -> String {
+pub(super) fn of_method(keys: &[(&str, &str)], tried: &Result<Answer, TrialError>) -> String {
     let name: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
     let name = name.join(", ");
     match tried {
