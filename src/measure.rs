@@ -102,8 +102,8 @@ pub struct Bulk {
 pub const COMPONENTS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 
 /// Causes of an energy error that does not depend on the step.
-const AT_ONCE: &str = "Contacts that begin or end at once, as of polyhedra and rods at rims of sheets, and of grains in folds of meshes with \
-                       `smooth = 0` and in pits where several folds meet,";
+const AT_ONCE: &str = "Contacts that begin or end abruptly (at rims of sheets, in folds of meshes with `smooth = 0` \
+     and in pits where several folds meet)";
 
 /// Largest rounding error of the energy balance, over the sum of its terms.
 const ROUNDING: f64 = 1e-12;
@@ -169,13 +169,14 @@ impl Measures {
         let of_limit = limit.map_or(f64::INFINITY, |limit| dt / limit);
         Some(if self.part_missing(most_moving).abs() < 4.0 * of_limit * of_limit {
             format!(
-                "{what}. If contacts of too few steps are the cause, it would be about {} % with a step of {enough:.1e} s. {AT_ONCE} miss as \
-                 much with any step",
+                "{what}. If contacts last too few steps, a step of {enough:.1e} s would reduce the error to about {} \
+                 %. {AT_ONCE} cause the same error with any step",
                 100.0 * MAY_MISS
             )
         } else {
             format!(
-                "{what}. Steps of {:.2} % of the stable limit hardly do so: a shorter step will not help. {AT_ONCE} do",
+                "{what}. Steps of {:.2} % of the stable limit hardly cause this: a shorter step will not help. \
+                 {AT_ONCE} do",
                 100.0 * of_limit
             )
         })
@@ -184,16 +185,13 @@ impl Measures {
     /// Text about the energy error and its reference. `most_moving` as above [J].
     pub fn what_is_missing(&self, most_moving: f64) -> String {
         let of = if self.dissipated > most_moving {
-            "what was dissipated"
+            "the dissipated energy"
         } else {
             "the largest kinetic and elastic energy"
         };
         let part = self.part_missing(most_moving);
         let verb = if part > 0.0 { "lost" } else { "made" };
-        format!(
-            "the balance of energy misses {:.2} % of {of}: energy was {verb}",
-            100.0 * part.abs()
-        )
+        format!("the energy error is {:.2} % of {of}: energy was {verb}", 100.0 * part.abs())
     }
 
     /// Mean number of contacts of a particle, with walls.
@@ -208,7 +206,7 @@ impl Measures {
 
 /// Index of a sum.
 #[derive(Clone, Copy)]
-enum Of {
+enum SumIndex {
     Translation,
     Rotation,
     Gravity,
@@ -226,7 +224,7 @@ enum Of {
 }
 
 /// First sum of forces on walls.
-const FIRST_WALL: usize = Of::FirstChannel as usize + Quantity::CHANNELS.len();
+const FIRST_WALL: usize = SumIndex::FirstChannel as usize + Quantity::CHANNELS.len();
 
 /// Measures the whole system at the end of a step of `dt` [s]. Collective.
 pub fn measure(
@@ -342,7 +340,7 @@ impl Totals {
             / cell.volume()
     }
 
-    fn add(&mut self, of: Of, term: f64) {
+    fn add(&mut self, of: SumIndex, term: f64) {
         self.add_at(of as usize, term);
     }
 
@@ -356,13 +354,13 @@ impl Totals {
 
     fn add_particle(&mut self, particles: &Particles, slot: usize, field: &Field, dt: f64) {
         self.counts[0] += 1;
-        self.add(Of::Dissipated, particles.accumulated[Quantity::Dissipated][slot]);
-        for (of, quantity) in (Of::FirstChannel as usize..).zip(Quantity::CHANNELS) {
+        self.add(SumIndex::Dissipated, particles.accumulated[Quantity::Dissipated][slot]);
+        for (of, quantity) in (SumIndex::FirstChannel as usize..).zip(Quantity::CHANNELS) {
             if let Some(energy) = particles.accumulated[quantity].get(slot) {
                 self.add_at(of, *energy);
             }
         }
-        self.add(Of::Received, particles.accumulated[Quantity::Received][slot]);
+        self.add(SumIndex::Received, particles.accumulated[Quantity::Received][slot]);
         self.add_volume(|| particles.volume(slot));
         let top = particles.position[slot].z + particles.radius(slot);
         self.maxima[2] = larger_number(self.maxima[2], top);
@@ -373,11 +371,11 @@ impl Totals {
         }
         let mass = particles.mass(slot);
         let velocity = particles.velocity[slot];
-        self.add(Of::Resultant, field.force(particles, slot).norm());
-        self.add(Of::Translation, 0.5 * mass * velocity.norm_squared());
-        self.add(Of::Gravity, -mass * unwrapped(particles, slot).dot(&field.gravity));
-        self.add(Of::Rotation, rotation(particles, slot));
-        self.add(Of::StepEnergy, motion::step_energy(particles, slot, field, dt));
+        self.add(SumIndex::Resultant, field.force(particles, slot).norm());
+        self.add(SumIndex::Translation, 0.5 * mass * velocity.norm_squared());
+        self.add(SumIndex::Gravity, -mass * unwrapped(particles, slot).dot(&field.gravity));
+        self.add(SumIndex::Rotation, rotation(particles, slot));
+        self.add(SumIndex::StepEnergy, motion::step_energy(particles, slot, field, dt));
         if self.stresses.is_some() {
             let own = velocity - particles.cell.flow_at(&particles.position[slot]);
             self.add_stress(1, |i, j| mass * own[i] * own[j]);
@@ -412,8 +410,8 @@ impl Totals {
     fn add_contact(&mut self, contact: &Loaded, law: &dyn ForceLaw, particles: &Particles) {
         let &Loaded { pair, geometry, state, normal_force, force, .. } = contact;
         let Pair { a, b } = pair;
-        self.add(Of::Stored, law.stored(pair, particles, geometry, state));
-        self.add(Of::ContactForce, force.norm());
+        self.add(SumIndex::Stored, law.stored(pair, particles, geometry, state));
+        self.add(SumIndex::ContactForce, force.norm());
         if self.stresses.is_some() {
             let whole = Pair { a: particles.body_of(a), b: particles.body_of(b) };
             let branch = particles.bodies().relative(whole);
@@ -433,7 +431,7 @@ impl Totals {
             self.counts[2] += 1;
         } else {
             self.counts[1] += 1;
-            self.add(Of::NormalForce, normal_force);
+            self.add(SumIndex::NormalForce, normal_force);
         }
     }
 
@@ -454,7 +452,7 @@ impl Totals {
     fn add_work_ahead(&mut self, contact: &Loaded, particles: &Particles, dt: f64) {
         if self.stresses.is_some() {
             let slides = particles.sliding_ahead(contact.pair);
-            self.add(Of::Received, 0.5 * dt * contact.force.dot(&slides));
+            self.add(SumIndex::Received, 0.5 * dt * contact.force.dot(&slides));
         }
     }
 
@@ -473,7 +471,7 @@ impl Totals {
         self.counts.copy_from_slice(counts);
     }
 
-    fn value(&self, of: Of) -> f64 {
+    fn value(&self, of: SumIndex) -> f64 {
         self.value_at(of as usize)
     }
 
@@ -490,28 +488,28 @@ impl Totals {
     fn measures(&self, walls: usize) -> Measures {
         let [particles, contacts, wall_contacts, held] = self.counts;
         let free = particles - held;
-        let contact_force = self.value(Of::ContactForce);
+        let contact_force = self.value(SumIndex::ContactForce);
         Measures {
             particles: particles as u64,
             held: held as u64,
             contacts: contacts as u64,
             wall_contacts: wall_contacts as u64,
-            translation: self.value(Of::Translation),
-            rotation: self.value(Of::Rotation),
-            gravity: self.value(Of::Gravity),
-            stored: self.value(Of::Stored),
-            step_energy: self.value(Of::StepEnergy),
-            dissipated: self.value(Of::Dissipated),
-            channels: std::array::from_fn(|k| self.value_at(Of::FirstChannel as usize + k)),
-            received: self.value(Of::Received),
+            translation: self.value(SumIndex::Translation),
+            rotation: self.value(SumIndex::Rotation),
+            gravity: self.value(SumIndex::Gravity),
+            stored: self.value(SumIndex::Stored),
+            step_energy: self.value(SumIndex::StepEnergy),
+            dissipated: self.value(SumIndex::Dissipated),
+            channels: std::array::from_fn(|k| self.value_at(SumIndex::FirstChannel as usize + k)),
+            received: self.value(SumIndex::Received),
             mean_normal_force: if contacts == 0 {
                 0.0
             } else {
-                self.value(Of::NormalForce) / contacts as f64
+                self.value(SumIndex::NormalForce) / contacts as f64
             },
             unbalanced: if contact_force > 0.0 && free > 0 {
                 let among = ((contacts + wall_contacts) as f64).max(free as f64);
-                self.value(Of::Resultant) * among / (contact_force * free as f64)
+                self.value(SumIndex::Resultant) * among / (contact_force * free as f64)
             } else {
                 0.0
             },

@@ -17,7 +17,7 @@ use benchmarking::simulate;
 use clap::Parser;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::post::errors::MeasureError;
-use dem_mpi::post::flow::{Passed, Plane, Rate, Window, through_plane};
+use dem_mpi::post::flow::{CumulativeFlow, Plane, Rate, Window, through_plane};
 use dem_mpi::post::series;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -89,7 +89,7 @@ fn main() -> anyhow::Result<()> {
 }
 
 /// Mass of a slice that has left, by time [s, g].
-fn table(rows: &[Passed]) -> anyhow::Result<String> {
+fn table(rows: &[CumulativeFlow]) -> anyhow::Result<String> {
     let mut text = "time_s,grains,mass_of_a_slice_g\n".to_owned();
     for row in rows {
         writeln!(text, "{:.3},{:.0},{:.4}", row.time_s, row.grains, 1e3 * row.mass_kg / SLICES)?;
@@ -97,7 +97,7 @@ fn table(rows: &[Passed]) -> anyhow::Result<String> {
     Ok(text)
 }
 
-fn draw(path: &Path, rows: &[Passed]) -> anyhow::Result<()> {
+fn draw(path: &Path, rows: &[CumulativeFlow]) -> anyhow::Result<()> {
     let points = rows.iter().map(|row| (row.time_s, 1e3 * row.mass_kg / SLICES)).collect();
     let end = rows.last().map_or(1.0, |row| row.time_s);
     // The line passes through the middle of the window.

@@ -185,7 +185,7 @@ fn by_law(
             let places = scene.places([&a, &b], materials).with_context(name)?;
             ensure!(
                 places.len() == answer.places.len(),
-                "{}: the scene's method finds {} places, this one {}: give the same --method",
+                "{}: the scene's method is {}, this one {}: give the same --method",
                 name(),
                 places.len(),
                 answer.places.len()
@@ -235,8 +235,8 @@ fn method(word: Word, settings: &[String]) -> Result<Method> {
             }
             _ => {
                 bail!(
-                    "--set {setting}: there are erosion_ratio, erosion_increment, tolerance and \
-                     spurious of gjk-erosion, tolerance and polish of epa; the method here is {}",
+                    "--set {setting}: the settings are erosion_ratio, erosion_increment, tolerance and spurious of \
+                     gjk-erosion, tolerance and polish of epa; the method here is {}",
                     word.to_possible_value().expect("no word is hidden").get_name()
                 )
             }

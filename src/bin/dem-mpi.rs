@@ -7,9 +7,9 @@ use dem_mpi::ids::GlobalId;
 use dem_mpi::output::performance::Performance;
 use dem_mpi::output::report::{Origin, commit, version};
 use dem_mpi::output::{self, snapshot};
-use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
+use dem_mpi::scene::assemble::{self, Continuation, RestartInfo};
 use dem_mpi::scene::one_shape;
-use dem_mpi::scene::suggest::{self, Question, Suggestion, Unanswered};
+use dem_mpi::scene::suggest::{self, Question, Suggestion, TrialError};
 use dem_mpi::scene::{Fill, Scene, Stop, keys, plan, schema};
 use dem_mpi::sim::report::{machine_bytes, report};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
@@ -234,7 +234,7 @@ fn is_ignored(signal: i32) -> bool {
 fn on_this_rank(arguments: Result<Arguments, clap::Error>, comm: &mut dyn Comm) -> u8 {
     match arguments {
         Ok(arguments) if arguments.threads.is_some() => {
-            print_once(comm, "--threads N is instead of mpirun: leave one of them out");
+            print_once(comm, "--threads N replaces mpirun: leave one of them out");
             WRONG_INPUT
         }
         Ok(arguments) => start(&arguments, comm),
@@ -267,8 +267,8 @@ fn read_scene(arguments: &Arguments, comm: &mut dyn Comm) -> Result<Scene, Strin
                     && folder(given) != folder(out.as_ref().unwrap_or(&scene.out)) =>
             {
                 Err(format!(
-                    "--start {}: that is the stage before, the scene's `start`; leave --start out to begin from its \
-                     end, or name a snapshot of this stage",
+                    "--start {}: this is the stage before, the scene's `start`. Omit --start to begin from its end, \
+                     or give a snapshot of this stage",
                     given.display()
                 ))
             }
@@ -454,7 +454,7 @@ fn shape(name: &str, scene: &Scene, folder: Option<&Path>, comm: &dyn Comm) -> u
 /// Prints the suggestion from trials.
 fn suggested(arguments: &Arguments, comm: &dyn Comm) -> u8 {
     if comm.size() > 1 {
-        print_once(comm, "--suggest tries the scene on one rank: leave mpirun out");
+        print_once(comm, "--suggest uses one rank: leave mpirun out");
         return WRONG_INPUT;
     }
     let (scene, Arguments { set, start, error, .. }) = (arguments.scene(), arguments);
@@ -468,9 +468,9 @@ fn suggested(arguments: &Arguments, comm: &dyn Comm) -> u8 {
         Err(unanswered) => {
             print_error(&unanswered);
             match unanswered {
-                Unanswered::Input(_) => WRONG_INPUT,
-                Unanswered::Signal(_) => STOPPED,
-                Unanswered::Trial(_) | Unanswered::Slower => FAILED,
+                TrialError::Input(_) => WRONG_INPUT,
+                TrialError::Signal(_) => STOPPED,
+                TrialError::Trial(_) | TrialError::Slower => FAILED,
             }
         }
     }
@@ -511,36 +511,38 @@ fn ended(arguments: &Arguments, finish: &Finish, step: u64, last_step: u64, comm
     let name = signal_hook::low_level::signal_name(signal as i32).unwrap_or("a signal");
     let left = arguments.steps.map(|_| last_step - step);
     let again = again(arguments, &finish.snapshot, left);
-    print_once(comm, format!("stopped by {name} at step {step}; to go on: {again}"));
+    print_once(comm, format!("stopped by {name} at step {step}; to continue: {again}"));
     STOPPED
 }
 
 /// Prints the snapshots that were passed over, and the walls that are not where the scene puts them.
-fn print_taken_up(taken: &TakenUp, comm: &dyn Comm) {
+fn print_taken_up(taken: &RestartInfo, comm: &dyn Comm) {
     for error in &taken.passed_over {
-        print_once(comm, format!("passed over: {error}"));
+        print_once(comm, format!("skipped: {error}"));
     }
     if !taken.walls_elsewhere.is_empty() {
         let off = |(name, off): &(String, f64)| format!("{name} by {off:.4e} m");
         let all = listed(taken.walls_elsewhere.iter().map(off), MOST_NAMED);
         print_once(
             comm,
-            format!("walls stand where the stage before left them, off the scene's: {all}"),
+            format!(
+                "walls are where the stage before ended, at a distance from the scene's places: {all}"
+            ),
         );
     }
     if !taken.forgotten.is_empty() {
         let all = taken.forgotten.join(", ");
         print_once(
             comm,
-            format!("warning: contacts forget what the scene's law does not know: {all}"),
+            format!("warning: contact state that the scene's law does not use is lost: {all}"),
         );
     }
     if !taken.other_walls.is_empty() {
         print_once(
             comm,
             format!(
-                "warning: walls of other surfaces than those of their names in the snapshot stand where the scene says, and no contact with \
-                 them goes on: {}",
+                "warning: these walls differ from walls of the same names in the snapshot; their places are as in the \
+                 scene, and their contacts start anew: {}",
                 listed(&taken.other_walls, MOST_NAMED)
             ),
         );
@@ -567,9 +569,7 @@ fn tried(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> Result<()
     if count > TRIED {
         print_once(
             comm,
-            format!(
-                "{count} particles are too many to look for overlaps of the start without running"
-            ),
+            format!("{count} particles are too many for a check of overlaps without a run"),
         );
         return Ok(());
     }
@@ -624,8 +624,8 @@ fn goes_on_elsewhere(arguments: &Arguments, out: &Path) -> Option<String> {
         let named = if start.is_dir() { Some(start) } else { start.parent() };
         let named = named.unwrap_or(start).display();
         format!(
-            "--start {}: the scene's output.directory is {}, another folder. Add --out {named} to go on in the folder of the \
-             snapshot, or --out {} to begin a history of its own there",
+            "--start {}: the scene's output.directory is another folder, {}. Add --out {named} to continue in the \
+             folder of the snapshot, or --out {} to begin a new history there",
             start.display(),
             out.display(),
             out.display()
@@ -653,8 +653,8 @@ fn nothing_left(
     let is_over = is_over(scene, sim, held);
     if last_step <= step {
         let why = format!(
-            "the snapshot is at step {step}, and the stage ends at step {last_step}. \
-             Ask for more with --steps N or --set time.{}=N",
+            "the snapshot is at step {step}, and the stage ends at step {last_step}. For more steps use --steps N or \
+             --set time.{}=N",
             if scene.duration.is_some() { "duration" } else { "steps" }
         );
         let status = if last_step < step {
@@ -668,8 +668,7 @@ fn nothing_left(
     }
     (arguments.steps.is_none() && is_over).then(|| {
         let why = format!(
-            "the stage ended at step {step} by its [stop]: {held}. \
-             Ask for more with --steps N or a lower limit"
+            "the stage ended at step {step} by its [stop]: {held}. For more steps use --steps N or a lower limit"
         );
         (why, 0)
     })
@@ -757,7 +756,7 @@ fn run(
 fn heading(scene: &Scene, schedule: &Schedule, sim: &Simulation, ranks: u32) -> String {
     let limit = scene.time_step_limit().map_or(String::new(), |limit| {
         let share = 100.0 * sim.dt / limit.dt;
-        let warning = if share > 100.0 { ": OVER THE LIMIT, the run may blow up" } else { "" };
+        let warning = if share > 100.0 { ": OVER THE LIMIT, the run may be unstable" } else { "" };
         format!(", {share:.0} % of the stable limit{warning}")
     });
     format!(
@@ -778,7 +777,7 @@ fn before_fault(error: &RunError, step: u64, schedule: &Schedule, arguments: &Ar
     match (error, newest, at.and_then(|at| step.checked_sub(at + 1))) {
         (RunError::Step(_) | RunError::Particle { .. }, Some(newest), Some(left)) if left > 0 => {
             let command = again(arguments, &schedule.out.join(newest), Some(left));
-            format!("\nThe same steps up to the one before, which leave a snapshot: {command}")
+            format!("\nTo repeat all steps except the last, and write a snapshot: {command}")
         }
         _ => String::new(),
     }
@@ -892,7 +891,7 @@ impl Display {
             let Progress { done, of, .. } = *progress;
             // The time per step is unknown before the first step.
             let pace = if done == 0 {
-                "not yet known how long it takes".to_owned()
+                "remaining time not yet known".to_owned()
             } else {
                 let per_second = done as f64 / self.begin.elapsed().as_secs_f64();
                 let left = Duration::from_secs(((of - done) as f64 / per_second) as u64);

@@ -12,7 +12,7 @@ use dem_mpi::output::tables::ContactTable;
 use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
-use dem_mpi::post::measures::{Asked, Source};
+use dem_mpi::post::measures::{Requested, Source};
 use dem_mpi::post::plots::Plot;
 use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::report::csv;
@@ -91,7 +91,7 @@ struct Arguments {
     vtp: bool,
 
     #[command(flatten)]
-    asked: Asked,
+    asked: Requested,
 
     /// Print a module for Python that reads snapshots as numpy arrays and VTK objects, and do nothing else:
     /// dem-post --python > dem.py
@@ -174,7 +174,7 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     let out = arguments.out.clone().unwrap_or_else(|| beside.join(folder));
     ensure!(
         !is_of_run(&out),
-        "--out {}: a run writes there, and its report.json would be replaced. Give a folder of its own, or leave --out out",
+        "--out {} is the folder of a run, whose report.json would be replaced. Give another folder, or omit --out",
         out.display()
     );
     fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
@@ -185,8 +185,8 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
         let drawn = lammps::drawn_otherwise(reader.header());
         if !drawn.is_empty() {
             print_error(format_args!(
-                "dem-post: OVITO will draw grains of {} as the ellipsoids in their boxes, as a dump has no other shapes: \
-                 for true ones take --surfaces",
+                "dem-post: OVITO will draw particles of {} as the ellipsoids in their boxes, as a dump has no other \
+                 shapes: for exact shapes use --surfaces",
                 drawn.join(", ")
             ));
         }
@@ -294,9 +294,7 @@ fn compare(files: &[PathBuf]) -> Result<ExitCode> {
     let difference = Difference::between(&first, &second);
     if let Some(error) = unread {
         if difference.is_empty() {
-            bail!(
-                "all that a restart goes on from is equal, but contacts files were not compared: {error}"
-            );
+            bail!("the restart data are equal, but contacts files were not compared: {error}");
         }
         print_error(format_args!("dem-post: contacts files were not compared: {error}"));
     }
@@ -404,7 +402,7 @@ fn table(report: &Report) -> String {
             line.trim_end().to_string()
         }));
     }
-    lines.extend(report.doubts.iter().map(|doubt| format!("\ndoubtful: {doubt}")));
+    lines.extend(report.doubts.iter().map(|doubt| format!("\nwarning: {doubt}")));
     lines.join("\n") + "\n"
 }
 

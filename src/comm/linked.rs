@@ -15,8 +15,8 @@ impl Display for TwoMpis {
     fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
         write!(
             f,
-            "this program has loaded {} MPI libraries, {}: it was built for one, and its HDF5 for another. Set HDF5_DIR to \
-             the HDF5 of the MPI to be used (on Debian `source run/environment` does, or with `--mpi mpich`), see that \
+            "this program has loaded {} MPI libraries, {}: its HDF5 was built for another MPI. Set HDF5_DIR to the \
+             HDF5 of the MPI in use (on Debian `source run/environment`, or with `--mpi mpich`). Check that \
              LD_LIBRARY_PATH and LD_PRELOAD name no other, and build again",
             self.libraries.len(),
             self.libraries.join(" and ")

@@ -27,13 +27,13 @@ struct State {
     ended: bool,
 }
 
-struct Hub {
+struct Exchange {
     state: Mutex<State>,
     /// One condition variable per rank: a common one would wake all ranks for each parcel.
     changed: Vec<Condvar>,
 }
 
-impl Hub {
+impl Exchange {
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -52,7 +52,7 @@ impl Hub {
 pub struct ThreadRank {
     rank: Rank,
     size: u32,
-    hub: Arc<Hub>,
+    hub: Arc<Exchange>,
     sources: Vec<Source>,
     /// Number of sums that this rank has started.
     sums: u64,
@@ -64,7 +64,7 @@ pub struct ThreadRank {
 /// If any rank panics or aborts.
 pub fn run<T: Send>(size: u32, body: impl Fn(&mut ThreadRank) -> T + Sync) -> Vec<T> {
     let changed = (0..size).map(|_| Condvar::new()).collect();
-    let hub = Arc::new(Hub { state: Mutex::default(), changed });
+    let hub = Arc::new(Exchange { state: Mutex::default(), changed });
     std::thread::scope(|scope| {
         let threads: Vec<_> = (0..size)
             .map(|rank| {

@@ -202,7 +202,7 @@ impl Default for World {
 
 /// Length of a message in MPI's type.
 fn length(bytes: usize) -> c_int {
-    c_int::try_from(bytes).expect("a message to one rank is under 2 GiB: use more ranks")
+    c_int::try_from(bytes).expect("a message to one rank must be under 2 GiB: use more ranks")
 }
 
 impl Comm for World {

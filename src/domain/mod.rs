@@ -57,8 +57,8 @@ pub enum DomainError {
     },
     /// Its state is not finite.
     #[error(
-        "particle {id} has a position or velocity that is not finite. The run has become unstable: \
-         reduce the time step, or look for deep overlaps at the start"
+        "particle {id} has a position or velocity that is not finite. The run is unstable: reduce the time step, or \
+         check for deep overlaps at the start"
     )]
     NotFinite {
         /// Id of the particle.

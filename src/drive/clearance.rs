@@ -6,7 +6,7 @@ use crate::walls::{Across, Wall, ends};
 
 /// State of a wall that can press on no particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Astray {
+pub(super) enum Unloaded {
     /// So near to the opposite wall, or to the domain's side, that no particle fits between.
     Closed {
         /// Gap [m].
@@ -18,7 +18,7 @@ pub(super) enum Astray {
     Gone,
 }
 
-impl Astray {
+impl Unloaded {
     /// `None` for a wall that can press on the thinnest particle.
     pub(super) fn of(wall: &Wall, walls: &[Wall], cell: &Cell, library: &Library) -> Option<Self> {
         if wall.is_far_out_of(cell) {

@@ -10,7 +10,7 @@
 //! A light wall on many particles needs shorter steps than the particles do: it oscillates with `√(K/m)`, where `K` is the
 //! total stiffness of its contacts. If `dt √(K/m)` exceeds 1 the run warns, above 2 it stops.
 
-use super::clearance::Astray;
+use super::clearance::Unloaded;
 use super::load::{self, Line};
 use super::{Drive, DriveError, Observer, Reporter, Restart, SavedColumn, Steering, View};
 use crate::cell::Cell;
@@ -121,17 +121,15 @@ impl Running {
             return Ok(None);
         }
         let said = format!(
-            "wall \"{name}\" of {mass:e} kg swings on the grains that it touches by {angle:.2} rad in a step of {dt:.3e} s (their stiffness is \
-             {stiffness:.3e} N/m in all)"
+            "wall \"{name}\" of {mass:e} kg oscillates on its particles by {angle:.2} rad in a step of {dt:.3e} s \
+             (total contact stiffness {stiffness:.3e} N/m)"
         );
-        let better = format!("take a step of {:.2e} s, or a heavier wall", 0.2 * dt / angle);
+        let better = format!("use a step of {:.2e} s, or a heavier wall", 0.2 * dt / angle);
         if angle >= UNSTABLE {
-            return Err(DriveError(format!(
-                "{said}, which makes it go farther each time: {better}"
-            )));
+            return Err(DriveError(format!("{said}, and its amplitude grows: {better}")));
         }
         let is_known = std::mem::replace(&mut self.warned, true);
-        Ok((!is_known).then(|| format!("{said}, which is coarse: {better}")))
+        Ok((!is_known).then(|| format!("{said}, which resolves it poorly: {better}")))
     }
 
     /// Speed along the line in the next step of `dt` [s], under the force of the particles [N].
@@ -173,14 +171,14 @@ impl Drive for FreeWalls {
             let speed = running.speed_under(force, moment.dt);
             running.speed = Some(speed);
             walls[wall].velocity = running.velocity();
-            let place = match Astray::of(&walls[wall], walls, cell, library) {
+            let place = match Unloaded::of(&walls[wall], walls, cell, library) {
                 None => continue,
-                Some(Astray::Closed { .. }) => "at the opposite side of",
-                Some(Astray::Open | Astray::Gone) => "far out of",
+                Some(Unloaded::Closed { .. }) => "at the opposite side of",
+                Some(Unloaded::Open | Unloaded::Gone) => "far out of",
             };
             return Err(DriveError(format!(
-                "wall \"{}\" moves freely and is {place} the domain, at {speed:.3e} m/s along its line: put grains where they \
-                 bear it, or give it another `force`",
+                "wall \"{}\" moves freely and is {place} the domain, at {speed:.3e} m/s along its line: put particles \
+                 where they support it, or give it another `force`",
                 walls[wall].name
             )));
         }
@@ -218,7 +216,7 @@ impl Reporter for FreeWalls {
             wall_forces[free.wall] == Vec3::zeros() && !stands
         };
         let free = self.all.iter().map(|running| &running.free).find(is_under_way)?;
-        Some(format!("wall \"{}\" moves freely, and no grain touches it", walls[free.wall].name))
+        Some(format!("wall \"{}\" moves freely, and no particle touches it", walls[free.wall].name))
     }
 
     fn save(&self, walls: &[Wall], comm: &mut dyn Comm) -> Vec<SavedColumn> {

@@ -250,7 +250,7 @@ impl Reporter for Ledger {
                 self.warnings.push(begins(&account.name));
             } else if account.wears {
                 self.warnings.push(format!(
-                    "wall \"{}\" did not wear before this restart, or had other triangles: what is lost at it is summed from here on",
+                    "wall \"{}\" had no wear before this restart, or other triangles: its wear is summed from here on",
                     account.name
                 ));
             }
@@ -278,9 +278,7 @@ impl Reporter for Ledger {
 }
 
 fn begins(name: &str) -> String {
-    format!(
-        "what wall \"{name}\" does is summed from this restart on: the snapshot has nothing of it"
-    )
+    format!("the snapshot has no sums for wall \"{name}\": they start at this restart")
 }
 
 /// Sums of one triangle of a wall that wears.

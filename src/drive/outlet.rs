@@ -145,8 +145,8 @@ impl Observer for Outlets {
             let way = fastest * dt * *every as f64;
             if way > region.thickness() && !std::mem::replace(warned, true) {
                 self.warnings.push(format!(
-                    "outlet `{name}` looks every {every} steps, in which a grain at {fastest:.3e} m/s goes {way:.3e} m: it may go through its \
-                     {:.3e} m unseen. Make it thicker, or `every` smaller",
+                    "outlet `{name}` checks every {every} steps, in which a particle at {fastest:.3e} m/s moves \
+                     {way:.3e} m: it may cross its {:.3e} m undetected. Make the outlet thicker, or `every` smaller",
                     region.thickness()
                 ));
             }
@@ -235,7 +235,8 @@ impl Reporter for Outlets {
             }
             if is_lost {
                 self.warnings.push(format!(
-                    "shape `{name}` had other limits of `size` before this restart: the report of sizes leaves out its particles that left before"
+                    "the limits of `size` of shape `{name}` have changed at this restart: the report of sizes omits \
+                     its particles that left before"
                 ));
             }
         }

@@ -173,8 +173,9 @@ impl SavedState {
         found.and_then(|saved| of_type(&saved.values)).map(Vec::as_slice).ok_or_else(|| {
             let (drive, StateColumn { name, unit, width }) = (&self.drive, wanted);
             DriveError(format!(
-                "the state of `{drive}` has no column `{name}` of {width} numbers in \"{unit}\" of the type that is saved \
-                 today: another version of `{drive}` wrote it. Go on with that version, or run the scene again"
+                "the state of `{drive}` has no column `{name}` of {width} numbers in \"{unit}\" of the type that this \
+                 version uses: another version of `{drive}` wrote it. Continue with that version, or run the scene \
+                 again"
             ))
         })
     }

@@ -27,7 +27,8 @@ pub enum Unreadable {
     Utf16,
     /// A binary file, or UTF-16 without a mark.
     #[error(
-        "line {0}: has the character NUL, as binary files and UTF-16 without a byte order mark have it; save the file as UTF-8 text"
+        "line {0}: has the character NUL, as in binary files and UTF-16 without a byte order mark; save the file as \
+         UTF-8 text"
     )]
     Nul(usize),
 }

@@ -25,7 +25,7 @@ pub use dashpots::InPlane;
 pub use patches::Turning;
 
 use super::{
-    About, Body, Dashpots, ForceLaw, Hardest, Last, Lost, OnWall, PressOnWall, Separated, Sums,
+    About, Body, Dashpots, ForceLaw, Hardest, Last, Losses, OnWall, PressOnWall, Separated, Sums,
     Work, add,
 };
 use crate::contact::curvature::{self, Curvatures};
@@ -57,14 +57,14 @@ const MOST_ACTED: usize = 6;
 
 /// Remembered data of the last force beside the state of the model.
 #[derive(Clone, Copy, Debug)]
-struct Acted<L> {
+struct LastForce<L> {
     /// Contact point [m]; `None` for spheres, where it follows from the overlap.
     point: Option<Triple<L>>,
     /// Viscous tangential force [N]; `None` if [`Model::last`] returns the whole force.
     viscous: Option<Triple<L>>,
 }
 
-impl<L: Copy> Acted<L> {
+impl<L: Copy> LastForce<L> {
     /// Reads the columns; the point stands first if bodies are not spheres. `None` without values.
     #[inline(always)]
     fn read(numbers: &[L], has_point: bool) -> Option<Self> {
@@ -374,7 +374,7 @@ impl<M: Model> Law<M> {
     pub fn new(model: M, library: &Library) -> Self {
         let width = StateColumn::total_width(model.state());
         let most = if M::MOMENTS { MOST_STATE_OF_MOMENTS } else { MOST_STATE };
-        assert!(width <= most, "{} remembers more than {most} numbers", model.name());
+        assert!(width <= most, "{} has more than {most} state variables", model.name());
         let mut needs = model.needs();
         assert!(M::BY_CURVATURE || !needs.curvature, "{} does not say so", model.name());
         assert!(!M::MOMENTS || needs.velocity && needs.spin, "{} turns nothing", model.name());
@@ -727,7 +727,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     }
 
     /// Finds the forces of up to eight contacts; the other lanes repeat the last. `MOVES`: the law needs the motion of
-    /// surfaces. `TURNS`: bodies have moments. `POINTS`: [`Acted`] is remembered. `CURVED`: the law depends on the curvature
+    /// surfaces. `TURNS`: bodies have moments. `POINTS`: [`LastForce`] is remembered. `CURVED`: the law depends on the curvature
     /// of bodies.
     #[inline(always)]
     fn eight<
@@ -751,7 +751,8 @@ impl<M: Model> Contacts<'_, '_, M> {
         let block = Block { first, count, bodies, turning_walls };
 
         let last = read_last::<L>(self.work, &block, state);
-        let acted = if POINTS { Acted::read(&state[law.width..], law.has_points) } else { None };
+        let acted =
+            if POINTS { LastForce::read(&state[law.width..], law.has_points) } else { None };
         let now = GeometryInLanes::of(&eight_from_rows(self.work.geometry, first, count));
         let arms = self.arms::<L, MOVES, TURNS>(&block, &constants.radii, [&last, &now], acted);
         let mut motion = if MOVES {
@@ -771,7 +772,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let done =
             self.act::<L, MOVES>(constants, [&last, &now], &motion, of_model, acted, curvatures);
         if POINTS {
-            Acted::write(arms.now[0], done.viscous, &mut state[law.width..], law.has_points);
+            LastForce::write(arms.now[0], done.viscous, &mut state[law.width..], law.has_points);
         }
         write_state(self.work.state, state.len(), first, count, state);
         let torques = done.torques::<M, CURVED>(&arms);
@@ -810,7 +811,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         block: &Block,
         radii: &[L; 2],
         [last, now]: [&GeometryInLanes<L>; 2],
-        acted: Option<Acted<L>>,
+        acted: Option<LastForce<L>>,
     ) -> Arms<L> {
         let Self { work, particles, dt, .. } = self;
         let Block { first, count, bodies: [a, b], turning_walls } = *block;
@@ -828,7 +829,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let to_b = vectors::<L>(position, b).minus(vectors(position, a));
         let arm_b = point.minus(particles.cell.nearest_of(to_b));
         let (of_acted, is_seen_from_b) = match acted {
-            Some(Acted { point: Some(on_a), .. }) => (on_a, true),
+            Some(LastForce { point: Some(on_a), .. }) => (on_a, true),
             _ if has_points => (point, false),
             _ => (last.normal.times(radii[0] - half * last.overlap), turning_walls),
         };
@@ -852,9 +853,9 @@ impl<M: Model> Contacts<'_, '_, M> {
         [last, now]: [&GeometryInLanes<L>; 2],
         motion: &Motion<L>,
         state: &mut [L],
-        acted: Option<Acted<L>>,
+        acted: Option<LastForce<L>>,
         curvatures: Option<Curvatures<L>>,
-    ) -> Done<L> {
+    ) -> LaneResults<L> {
         let Self { law, dt, .. } = *self;
         let of_last = &constants.of_law;
         let curved;
@@ -868,7 +869,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let Motion { velocity, last_velocity, turning, .. } = *motion;
         let GeometryInLanes { normal, .. } = *now;
         let mut contact = motion.contact(last, now, dt).timed(law.model.outlives(constants));
-        if let Some(Acted { viscous: Some(last), .. }) = acted {
+        if let Some(LastForce { viscous: Some(last), .. }) = acted {
             contact.last_viscous = last;
         }
         let mut before = law.model.last(of_last, last.overlap, state);
@@ -879,13 +880,13 @@ impl<M: Model> Contacts<'_, '_, M> {
         let press = normal.times(acting.press);
 
         let mut damping = None;
-        if let Some(Acted { viscous: Some(last), .. }) = acted {
+        if let Some(LastForce { viscous: Some(last), .. }) = acted {
             before.rub = before.rub.plus(last);
             // At Coulomb's limit the whole force is friction.
             let power = last.dot(last_velocity) + acting.viscous.dot(velocity);
             damping = Some(power.or(zero, L::all(1.0).at_most(acting.kept.force)));
         }
-        let mut lost = Lost::none();
+        let mut lost = Losses::none();
         if MOVES && dt > 0.0 {
             let (mut last_stored, mut stored) = (before.stored, acting.stored);
             let pressing = if curvatures.is_some() {
@@ -924,7 +925,7 @@ impl<M: Model> Contacts<'_, '_, M> {
             last_moment = last_moment.plus(elastic.or(Triple::zero(), contact.touched));
             moment = moment.plus(elastic);
         }
-        Done { force, last_force, viscous: acting.viscous, last_moment, moment, lost }
+        LaneResults { force, last_force, viscous: acting.viscous, last_moment, moment, lost }
     }
 
     /// Adds forces, moments and losses of eight contacts to their bodies, if no separated contact comes in between. Each
@@ -933,7 +934,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     fn sum_at_once<L: Eight, const TURNS: bool>(
         &mut self,
         block: &Block,
-        done: &Done<L>,
+        done: &LaneResults<L>,
         torques: [Triple<L>; 2],
     ) {
         let Block { first, bodies: [a, b], .. } = *block;
@@ -1021,8 +1022,8 @@ impl<M: Model> Contacts<'_, '_, M> {
     }
 
     /// Records the work and losses of a contact with a wall that has separated and acted in a point.
-    fn note_parting(&mut self, pair: Pair, point: Vec3, work: f64, lost: &Lost) {
-        let &Lost { all: lost, of_friction: rubbed, .. } = lost;
+    fn note_parting(&mut self, pair: Pair, point: Vec3, work: f64, lost: &Losses) {
+        let &Losses { all: lost, of_friction: rubbed, .. } = lost;
         let press = || PressOnWall { point, force: Vec3::zeros() };
         self.sums.note_on_wall(OnWall { pair, work, lost, rubbed }, self.particles, press);
     }
@@ -1051,7 +1052,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         let width = law.stride;
         let (state, acted) = last.state[separated.place * width..][..width].split_at(law.width);
-        let acted = Acted::read(acted, law.has_points);
+        let acted = LastForce::read(acted, law.has_points);
         let with_wall = pair.b.index() >= particles.first_facet();
         let of_a = particles.velocity[pair.a.index()];
         let slides = particles.sliding_of_image(pair);
@@ -1081,7 +1082,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let [spin_a, spin_b] = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
         // The force has fallen to zero: only the half of the last step counts.
         let work = |force: &Vec3, velocity: &Vec3| 0.5 * dt * force.dot(velocity);
-        let mut lost = Lost::none();
+        let mut lost = Losses::none();
         if law.needs.velocity && dt > 0.0 {
             let [mut stored, rubbing] = before.stored;
             let mut pressing = press.dot(&velocity);
@@ -1157,7 +1158,7 @@ struct Arms<L> {
 }
 
 /// Results of eight contacts.
-struct Done<L> {
+struct LaneResults<L> {
     /// Force on B [N].
     force: Triple<L>,
     /// Force on B at the last step [N].
@@ -1168,10 +1169,10 @@ struct Done<L> {
     last_moment: Triple<L>,
     moment: Triple<L>,
     /// Losses since the last step.
-    lost: Lost<L>,
+    lost: Losses<L>,
 }
 
-impl<L: Eight> Done<L> {
+impl<L: Eight> LaneResults<L> {
     /// Moments on B and A about their centres [N m].
     #[inline(always)]
     fn torques<M: Model, const CURVED: bool>(&self, arms: &Arms<L>) -> [Triple<L>; 2] {
@@ -1222,7 +1223,7 @@ struct Summands {
     /// Energy that each body loses, and its part lost to friction [J].
     share: [f64; WIDTH],
     of_friction: [f64; WIDTH],
-    /// See [`Lost`].
+    /// See [`Losses`].
     parts: [[f64; WIDTH]; 3],
     /// Impulse on walls since the last step.
     impulse: Option<Impulse>,

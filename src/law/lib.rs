@@ -282,7 +282,7 @@ impl Sums {
     }
 
     /// Adds the losses of a separated contact to its particles; a wall has no share.
-    fn lose(&mut self, pair: Pair, Lost { all, of_friction, parts }: Lost, first_facet: usize) {
+    fn lose(&mut self, pair: Pair, Losses { all, of_friction, parts }: Losses, first_facet: usize) {
         let share = if pair.b.index() >= first_facet { 1.0 } else { 0.5 };
         for slot in [pair.a.index(), pair.b.index()] {
             add(&mut self.force, slot, [0.0, 0.0, 0.0, share * all]);
@@ -306,7 +306,7 @@ impl Sums {
 
 /// Energy lost by one contact, or by eight [J].
 #[derive(Clone, Copy, Debug)]
-struct Lost<L = f64> {
+struct Losses<L = f64> {
     all: L,
     /// Part lost to friction.
     of_friction: L,
@@ -405,7 +405,7 @@ pub enum Choice {
     /// Elastic bodies: Hertz, with Mindlin's friction.
     Hertz(hertz::Settings),
     /// One of these with additions.
-    With(Box<Choice>, Beside),
+    With(Box<Choice>, Additions),
     /// Elastic spheres that stick: Johnson, Kendall and Roberts, with Mindlin's friction. It takes no additions.
     Jkr(hertz::jkr::Settings),
 }
@@ -425,20 +425,20 @@ impl Choice {
 
     /// Does it have springs against rolling and twisting?
     pub const fn resists_turning(&self) -> bool {
-        matches!(self, Self::With(_, Beside { turning: Some(_), .. }))
+        matches!(self, Self::With(_, Additions { turning: Some(_), .. }))
     }
 }
 
 /// Additions to a law of forces.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Beside {
+pub struct Additions {
     /// Resistance to rolling and twisting.
     pub turning: Option<rolling::Interactions>,
     /// Attraction.
     pub adhesion: Option<dmt::Interactions>,
 }
 
-impl Beside {
+impl Additions {
     /// The law of a model with these additions.
     fn law<M: kernel::Model + Clone + 'static>(
         self,
@@ -464,10 +464,10 @@ impl Beside {
 impl Choice {
     /// The law between bodies of a library.
     pub fn law(&self, library: &Library) -> Box<dyn ForceLaw> {
-        self.with(Beside::default(), library)
+        self.with(Additions::default(), library)
     }
 
-    fn with(&self, beside: Beside, library: &Library) -> Box<dyn ForceLaw> {
+    fn with(&self, beside: Additions, library: &Library) -> Box<dyn ForceLaw> {
         match self {
             Self::Linear(settings) => beside.law(settings.model(), library),
             Self::Hertz(settings) => beside.law(settings.model(library), library),

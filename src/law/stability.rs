@@ -107,7 +107,7 @@ impl TimeStepLimit {
 
 /// Bodies of a partner.
 #[derive(Clone, Copy, Debug)]
-struct Kin {
+struct PartnerBodies {
     /// Largest number of them.
     most: f64,
     /// Smallest cube root of a volume [m].
@@ -117,15 +117,16 @@ struct Kin {
 }
 
 /// Bodies that can be touched in a library; shapes without particles are left out.
-fn kin(library: &Library) -> BTreeMap<Partner, Kin> {
+fn kin(library: &Library) -> BTreeMap<Partner, PartnerBodies> {
     let mut all = BTreeMap::new();
     for &material in &library.materials[library.facets()] {
         let infinite = f64::INFINITY;
-        let walls = Kin { most: infinite, smallest: infinite, masses: [infinite; 2] };
+        let walls = PartnerBodies { most: infinite, smallest: infinite, masses: [infinite; 2] };
         all.insert(Partner::Walls(material), walls);
     }
     for body in bodies(library) {
-        let none = Kin { most: 0.0, smallest: f64::INFINITY, masses: [f64::INFINITY, 0.0] };
+        let none =
+            PartnerBodies { most: 0.0, smallest: f64::INFINITY, masses: [f64::INFINITY, 0.0] };
         let kin = all.entry(Partner::Particles(body.material)).or_insert(none);
         let [least, largest] = kin.masses;
         kin.masses = [least.min(body.mass), largest.max(body.mass)];
@@ -160,7 +161,7 @@ fn reduced(mass: f64, other: f64) -> f64 {
 /// Contacts of the bodies of one material.
 struct Contacts<'a> {
     law: &'a dyn ForceLaw,
-    kin: &'a BTreeMap<Partner, Kin>,
+    kin: &'a BTreeMap<Partner, PartnerBodies>,
     material: MaterialId,
     /// Hardest contacts of particles of other materials with it, in the order of materials.
     back: Vec<(MaterialId, Hardest)>,
@@ -172,7 +173,7 @@ impl<'a> Contacts<'a> {
         material: MaterialId,
         all: &[(usize, Body)],
         law: &'a dyn ForceLaw,
-        kin: &'a BTreeMap<Partner, Kin>,
+        kin: &'a BTreeMap<Partner, PartnerBodies>,
     ) -> Self {
         let mut contacts = Self { law, kin, material, back: Vec::new() };
         let own = Partner::Particles(material);
@@ -188,13 +189,13 @@ impl<'a> Contacts<'a> {
     }
 
     /// Contact with a plane of a material, with the heaviest of its bodies.
-    fn on_plane(&self, body: &Body, partner: Partner, kin: &Kin) -> Hardest {
+    fn on_plane(&self, body: &Body, partner: Partner, kin: &PartnerBodies) -> Hardest {
         let [_, heaviest] = kin.masses;
         self.law.about().hardest(body, partner.material(), reduced(body.mass, heaviest))
     }
 
     /// Contact of a body with those of a partner.
-    fn hardest(&self, body: &Body, partner: Partner, kin: &Kin) -> Hardest {
+    fn hardest(&self, body: &Body, partner: Partner, kin: &PartnerBodies) -> Hardest {
         let own = self.on_plane(body, partner, kin);
         let Partner::Particles(material) = partner else { return own };
         let back = self.back.binary_search_by_key(&material, |(material, _)| *material);
@@ -202,7 +203,7 @@ impl<'a> Contacts<'a> {
     }
 
     /// Number of bodies of a partner that there can be around a body, and number that fits around one of its size [m].
-    fn count(&self, own_size: f64, partner: Partner, kin: &Kin) -> [f64; 2] {
+    fn count(&self, own_size: f64, partner: Partner, kin: &PartnerBodies) -> [f64; 2] {
         let itself = if partner == Partner::Particles(self.material) { 1.0 } else { 0.0 };
         let fit = match partner {
             Partner::Walls(_) => OF_WALLS,
@@ -304,7 +305,7 @@ pub fn time_step_limit(library: &Library, law: &dyn ForceLaw) -> Option<TimeStep
 /// Limit of one body; `None` if no contact can push it.
 fn limit_of(library: &Library, body: &Body, contacts: &Contacts) -> Option<TimeStepLimit> {
     let own_size = size(library, body);
-    let around = |(&with, kin): (&Partner, &Kin)| {
+    let around = |(&with, kin): (&Partner, &PartnerBodies)| {
         let [most, fit] = contacts.count(own_size, with, kin);
         Around { most, fit, each: contacts.hardest(body, with, kin), with }
     };

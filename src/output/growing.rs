@@ -48,7 +48,7 @@ impl GrowingTable {
         let (names, rows) = kept(&before.map_err(|e| failed(&e))?, keep).map_err(|e| failed(&e))?;
         if names.get(0).is_some_and(|first| first != columns[0]) {
             return Err(failed(&format!(
-                "no run wrote it, as its first column is not `{}`: move it away",
+                "its first column is not `{}`, so no run wrote it: move it away",
                 columns[0]
             )));
         }

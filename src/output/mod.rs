@@ -49,8 +49,8 @@ use std::path::Path;
 pub enum SnapshotError {
     /// A rank could not write.
     #[error(
-        "cannot write {path} (rank {rank}): {cause}. \
-         Snapshots written before are untouched; check the disk and the name, then restart from the last"
+        "cannot write {path} (rank {rank}): {cause}. Earlier snapshots are intact: check the disk and the name, then \
+         restart from the last"
     )]
     Write {
         /// The file or directory.
@@ -62,7 +62,7 @@ pub enum SnapshotError {
     },
     /// The output folder cannot be created or written to.
     #[error(
-        "no run can write into {path}: {cause}. Give another folder, by --out or by output.directory"
+        "cannot write into {path}: {cause}. Give another folder, by --out or by output.directory"
     )]
     Folder {
         /// The directory.
@@ -72,8 +72,8 @@ pub enum SnapshotError {
     },
     /// Another run writes to the same directory.
     #[error(
-        "another run is writing to {path}. Wait for its end, or give this one a directory of its own: \
-         --out DIR, or output.directory in the scene"
+        "another run is writing to {path}. Wait for its end, or give this run its own directory: --out DIR, or \
+         output.directory in the scene"
     )]
     Busy {
         /// The directory.
@@ -81,9 +81,8 @@ pub enum SnapshotError {
     },
     /// The directory has snapshots of another run, or of this one's future.
     #[error(
-        "{path} has snapshots up to step {newest}, and this run begins at step {step}. \
-         Go on from the newest with --start {path}, give this run a directory of its own with --out DIR, \
-         or have the later ones removed with --overwrite"
+        "{path} has snapshots up to step {newest}, but this run begins at step {step}. Continue from the newest with \
+         --start {path}, use another directory with --out DIR, or remove later ones with --overwrite"
     )]
     Later {
         /// Path of the directory.
@@ -95,8 +94,8 @@ pub enum SnapshotError {
     },
     /// The output folder is that of the previous stage.
     #[error(
-        "{path} is the folder of the stage that `start` goes on from, and a stage keeps the snapshots of the one before. \
-         Give it a folder of its own: --out DIR, or output.directory in the scene"
+        "{path} is the folder of the stage in `start`, whose snapshots must be kept. Give this stage its own folder: \
+         --out DIR, or output.directory in the scene"
     )]
     StageBefore {
         /// The directory.
@@ -104,8 +103,8 @@ pub enum SnapshotError {
     },
     /// A file that no run wrote has the name of an output file.
     #[error(
-        "no run wrote {path}, and this one would replace it: move it away, give this run a folder of its own with --out DIR, \
-         or have it replaced with --overwrite"
+        "{path} is not from a run, and this run would replace it: move it away, use another folder with --out DIR, or \
+         replace it with --overwrite"
     )]
     Foreign {
         /// The file.
@@ -113,7 +112,7 @@ pub enum SnapshotError {
     },
     /// A table handed to the writer has columns of different lengths.
     #[error(
-        "rank {rank} gave {rows} rows of `{column}` where {expected} belong: a bug of the caller"
+        "rank {rank} gave {rows} rows of `{column}` instead of {expected}: a bug of the caller"
     )]
     Uneven {
         /// Rank that passed the table.
@@ -127,8 +126,7 @@ pub enum SnapshotError {
     },
     /// The file does not exist.
     #[error(
-        "there is no snapshot at {path} ({cause}). \
-         Give a file particles_<step>.vtkhdf, or a directory with such files"
+        "no snapshot at {path} ({cause}). Give a file particles_<step>.vtkhdf, or a directory with such files"
     )]
     Missing {
         /// Path that was searched.
@@ -138,7 +136,7 @@ pub enum SnapshotError {
     },
     /// The output folder is a file.
     #[error(
-        "{path} is a file, and a run writes into a folder: give another --out, or output.directory"
+        "{path} is a file, but a run writes into a folder: give another --out, or output.directory"
     )]
     NoFolder {
         /// Path of the file.
@@ -146,8 +144,8 @@ pub enum SnapshotError {
     },
     /// The file is not a snapshot, is truncated, or has a damaged structure.
     #[error(
-        "{path} cannot be read as a snapshot: {cause}. \
-         If a run wrote it, the file is cut short or damaged: use an earlier snapshot"
+        "{path} cannot be read as a snapshot: {cause}. If a run wrote it, the file is incomplete or damaged: use an \
+         earlier snapshot"
     )]
     Unreadable {
         /// The file.
@@ -157,8 +155,8 @@ pub enum SnapshotError {
     },
     /// The bytes of a dataset differ from those that were written.
     #[error(
-        "{path}: the checksum of {dataset} is wrong: its bytes changed after they were written. \
-         Use an earlier snapshot, and check the disk"
+        "{path}: the checksum of {dataset} is wrong: its bytes have changed since writing. Use an earlier snapshot, \
+         and check the disk"
     )]
     Damaged {
         /// The file.
@@ -167,7 +165,7 @@ pub enum SnapshotError {
         dataset: String,
     },
     /// All snapshots of the directory are damaged.
-    #[error("{path} has no snapshot that can be used:\n  {}", .causes.join("\n  "))]
+    #[error("{path} has no usable snapshot:\n  {}", .causes.join("\n  "))]
     NoneGood {
         /// The directory.
         path: String,
@@ -175,7 +173,7 @@ pub enum SnapshotError {
         causes: Vec<String>,
     },
     /// The requested rows do not exist.
-    #[error("{path}: rows {first}..{end} of {dataset} were asked for, but it has {rows}")]
+    #[error("{path}: rows {first}..{end} of {dataset} are out of range: it has {rows}")]
     Beyond {
         /// The file.
         path: String,

@@ -106,7 +106,7 @@ const OF_PART: usize = 13;
 
 /// Method by which the ranks of a run write a snapshot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum WriteMethod {
     /// All ranks write together, each its share of the rows. Memory per rank does not grow with the whole snapshot.
     Together,
     /// Rank 0 gathers all rows and writes alone. This is faster for small snapshots, because ranks that write together wait
@@ -114,7 +114,7 @@ pub enum Way {
     ThroughRoot,
 }
 
-impl Way {
+impl WriteMethod {
     /// Total size below which a snapshot is written through rank 0 [bytes].
     pub const SMALL: u64 = 16 << 20;
 
@@ -160,7 +160,7 @@ pub fn write_rows(
         + records.count() * of_record(records.columns());
     let mut all = [here as i64];
     comm.sum(&mut all);
-    let way = Way::for_bytes(all[0] as u64 * ELEMENT as u64);
+    let way = WriteMethod::for_bytes(all[0] as u64 * ELEMENT as u64);
     write_in(way, directory, header, particles, contacts, records, comm)
 }
 
@@ -169,7 +169,7 @@ pub fn write_rows(
 /// # Errors
 /// See [`write`].
 pub fn write_in(
-    way: Way,
+    way: WriteMethod,
     directory: &Path,
     header: &Header,
     particles: &ParticleTable,
@@ -182,7 +182,7 @@ pub fn write_in(
     agree(comm, checked)?;
     let shapes = check_shapes(directory, header, particles, comm);
     agree(comm, shapes)?;
-    if way == Way::Together {
+    if way == WriteMethod::Together {
         write_files(directory, header, particles, contacts, records, comm)?;
     } else if comm.size() == 1 {
         write_files(directory, header, particles, contacts, records, &mut Alone::default())?;

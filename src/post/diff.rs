@@ -455,7 +455,7 @@ impl fmt::Display for Difference {
             }
         }
         for column in &self.only_one_column {
-            writeln!(f, "column {column} is in one of the two only")?;
+            writeln!(f, "column {column} is in only one of the two")?;
         }
         writeln!(f, "{} of {} particles differ", self.differing, self.compared)?;
         if self.differing > 0 {
@@ -497,9 +497,9 @@ impl fmt::Display for ContactDifference {
             }
         }
         for column in &self.only_one_column {
-            writeln!(f, "{column} of contacts is remembered in one of the two only")?;
+            writeln!(f, "column {column} of contacts is in only one of the two")?;
         }
-        writeln!(f, "{} of {} contacts in both differ", self.differing, self.compared)?;
+        writeln!(f, "{} of {} common contacts differ", self.differing, self.compared)?;
         for (name, column) in &self.columns {
             writeln!(f, "{name:<18} {:>12} {:>24e}", column.rows, column.largest)?;
         }

@@ -37,14 +37,16 @@ pub enum MeasureError {
         error: Box<MeasureError>,
     },
     /// The length is not positive.
-    #[error("a length of {side} m: write one above 0, in metres (0.004) or grain diameters (1.5d)")]
+    #[error(
+        "the length {side} m is not above 0: write it in metres (0.004) or particle diameters (1.5d)"
+    )]
     NoSide {
         /// The length [m].
         side: f64,
     },
     /// The grid is too fine.
     #[error(
-        "a grid of {cells:.3e} cells, and {most:.0e} are the most: make --grid larger, or give a --region"
+        "a grid of {cells:.3e} cells exceeds the maximum of {most:.0e}: make --grid larger, or give a --region"
     )]
     TooManyCells {
         /// Requested number of cells.
@@ -54,7 +56,7 @@ pub enum MeasureError {
     },
     /// The cells are too coarse for the weight.
     #[error(
-        "cells of {side:e} m are larger than the width of the fields, {width:e} m: make --grid smaller, or leave it out"
+        "cells of {side:e} m are larger than the width of the fields, {width:e} m: make --grid smaller, or omit it"
     )]
     CoarserThanWeight {
         /// Side of a cell [m].
@@ -64,7 +66,8 @@ pub enum MeasureError {
     },
     /// The weight of a particle would reach its own image.
     #[error(
-        "the weights reach {range:e} m, over half of the period along {axis}, {period:e} m: make --fields smaller"
+        "the weights reach {range:e} m, more than half of the period along {axis}, {period:e} m: make --fields \
+         smaller"
     )]
     WiderThanPeriod {
         /// The axis.
@@ -75,12 +78,10 @@ pub enum MeasureError {
         range: f64,
     },
     /// The edges of the periodic cell are not along the axes, as the cells of fields must be.
-    #[error(
-        "the edges of the cell lean, so images stand beside the cells of a grid: fields are there for cells whose edges are along the axes only"
-    )]
+    #[error("the edges of the cell are tilted: fields need a cell with edges along the axes")]
     Leaning,
     /// There are no particles in the region.
-    #[error("no grain is in the region: make it larger, or name another snapshot")]
+    #[error("the region contains no particle: make it larger, or choose another snapshot")]
     NobodyThere,
     /// The shape does not exist.
     #[error("the snapshot has no shape `{name}`; it has: {}", listed(known, MOST_NAMED))]
@@ -91,20 +92,21 @@ pub enum MeasureError {
         known: Vec<String>,
     },
     /// All particles are of one group.
-    #[error("all {grains} grains of the region are of one group: mixing needs two")]
+    #[error("all {grains} particles of the region are in one group: mixing needs two")]
     OneGroup {
         /// Number of particles.
         grains: u64,
     },
     /// Gravity does not define a vertical.
-    #[error("gravity is {gravity:?} m/s2, and the angle of a surface needs it along -z", gravity = gravity.as_slice())]
+    #[error("gravity is {gravity:?} m/s2: the angle of a surface needs gravity along -z", gravity = gravity.as_slice())]
     NoVertical {
         /// Gravity [m/s²].
         gravity: Vec3,
     },
     /// The heap is too small or too flat.
     #[error(
-        "only {strips} strips of columns are on the slope, three are needed: the heap is too flat or too small for its grains"
+        "only {strips} strips of columns are on the slope, and three are needed: the heap is too flat or has too few \
+         particles"
     )]
     NoSurface {
         /// Number of strips between foot and top.
@@ -112,7 +114,7 @@ pub enum MeasureError {
     },
     /// The plane is across a periodic axis.
     #[error(
-        "{axis} is periodic: which way a grain went through a plane across it cannot be told from snapshots"
+        "{axis} is periodic: snapshots do not show in which direction a particle crossed a plane across it"
     )]
     AcrossPeriod {
         /// The axis.
@@ -121,7 +123,7 @@ pub enum MeasureError {
     /// The outlet does not exist.
     #[error(
         "history.csv has no outlet `{name}`; {}",
-        if known.is_empty() { "it has none, so give a plane, -z=0.05".to_owned() } else { format!("it has: {}", listed(known, MOST_NAMED)) }
+        if known.is_empty() { "it has no outlet, so give a plane, -z=0.05".to_owned() } else { format!("it has: {}", listed(known, MOST_NAMED)) }
     )]
     NoSuchOutlet {
         /// Requested name.
@@ -131,7 +133,7 @@ pub enum MeasureError {
     },
     /// There are fewer than two rows for a rate.
     #[error(
-        "{rows} rows in the window, and a rate needs two: name more snapshots (--series), or make --window larger"
+        "{rows} rows in the window, and a rate needs two: give more snapshots (--series), or a larger --window"
     )]
     FewRows {
         /// Number of rows.

@@ -88,7 +88,7 @@ impl FromStr for Window {
 
 /// Cumulative flow at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Passed {
+pub struct CumulativeFlow {
     /// Time [s].
     pub time_s: f64,
     /// Number of particles.
@@ -116,7 +116,7 @@ pub struct Rate {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ThroughPlane {
     /// Cumulative flow at each snapshot.
-    pub rows: Vec<Passed>,
+    pub rows: Vec<CumulativeFlow>,
     /// Number of particles that appeared between two snapshots and were behind the plane when first seen. They do not count:
     /// their origin is unknown.
     pub new_behind: u64,
@@ -153,7 +153,7 @@ pub fn through_plane(
             }
         }
         let last = through.rows.last().copied();
-        let mut passed = Passed { time_s: header.time, ..last.unwrap_or_default() };
+        let mut passed = CumulativeFlow { time_s: header.time, ..last.unwrap_or_default() };
         for (id, &(was_before, mass)) in &before {
             let place_now = now.get(id).map(|&(is_before, _)| is_before);
             through.gone_before += u64::from(was_before && place_now.is_none());
@@ -180,7 +180,7 @@ pub fn through_plane(
 ///
 /// # Errors
 /// If there is no such column.
-pub fn through_outlet(history: &History, name: &str) -> Result<Vec<Passed>, MeasureError> {
+pub fn through_outlet(history: &History, name: &str) -> Result<Vec<CumulativeFlow>, MeasureError> {
     let column = |name: &str| history.curves.iter().find(|curve| curve.name == name);
     let (Some(grains), Some(mass)) =
         (column(&format!("left_{name}")), column(&format!("left_{name}_kg")))
@@ -190,7 +190,9 @@ pub fn through_outlet(history: &History, name: &str) -> Result<Vec<Passed>, Meas
         return Err(MeasureError::NoSuchOutlet { name: name.to_owned(), known });
     };
     let rows = grains.points.iter().zip(&mass.points);
-    Ok(rows.map(|(&(time_s, grains), &(_, mass_kg))| Passed { time_s, grains, mass_kg }).collect())
+    Ok(rows
+        .map(|(&(time_s, grains), &(_, mass_kg))| CumulativeFlow { time_s, grains, mass_kg })
+        .collect())
 }
 
 impl Rate {
@@ -198,17 +200,17 @@ impl Rate {
     ///
     /// # Errors
     /// If there are fewer than two rows in the window.
-    pub fn of(rows: &[Passed], window: Option<Window>) -> Result<Self, MeasureError> {
+    pub fn of(rows: &[CumulativeFlow], window: Option<Window>) -> Result<Self, MeasureError> {
         // Times are rounded multiples of a step.
         let slack = 1e-9 * rows.last().map_or(0.0, |row| row.time_s.abs());
-        let is_in = |row: &&Passed| {
+        let is_in = |row: &&CumulativeFlow| {
             window.is_none_or(|w| w.from - slack <= row.time_s && row.time_s <= w.to + slack)
         };
-        let rows: Vec<Passed> = rows.iter().filter(is_in).copied().collect();
+        let rows: Vec<CumulativeFlow> = rows.iter().filter(is_in).copied().collect();
         let [first, .., last] = rows[..] else {
             return Err(MeasureError::FewRows { rows: rows.len() });
         };
-        let slope = |rows: &[Passed], of: fn(&Passed) -> f64| {
+        let slope = |rows: &[CumulativeFlow], of: fn(&CumulativeFlow) -> f64| {
             line(&rows.iter().map(|row| (row.time_s, of(row))).collect::<Vec<_>>()).0
         };
         let middle = 0.5 * (first.time_s + last.time_s);

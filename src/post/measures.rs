@@ -3,7 +3,9 @@
 use super::draw::{Axes, BLUE, Mark, ORANGE, PlotError, SIZE, Series, chart, linear, span};
 use super::errors::MeasureError;
 use super::fields::{Fields, Smoothing, Weight};
-use super::flow::{Gate, Passed, Rate, ThroughPlane, Window, through_outlet, through_plane};
+use super::flow::{
+    CumulativeFlow, Gate, Rate, ThroughPlane, Window, through_outlet, through_plane,
+};
 use super::history::History;
 use super::mixing::{Groups, Members, Mixing};
 use super::plots::{Plot, Width};
@@ -24,7 +26,7 @@ use std::path::Path;
 /// Requested measures.
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Measures for process equipment")]
-pub struct Asked {
+pub struct Requested {
     /// Also write density, solid fraction, velocity and stress on a grid, fields_STEP.vtkhdf and .csv, by coarse graining
     /// with this width, in metres or diameters of the largest shape: rho = sum of m phi(r - x)
     #[arg(long, value_name = "WIDTH")]
@@ -81,7 +83,7 @@ pub struct Shown {
     pub failed: Vec<MeasureError>,
 }
 
-impl Asked {
+impl Requested {
     /// Makes the requested measures and writes their tables into a folder. A failure does not affect the others.
     pub fn make(&self, source: Source, out: &Path) -> Shown {
         let mut shown = Shown::default();
@@ -171,8 +173,8 @@ impl Asked {
         if let Some(last) = rows.last().filter(|last| last.left_out > 0) {
             let _ = writeln!(
                 shown.text,
-                "mixing: {} of {} grains at {} s came after the first snapshot: they are of no half and left out. Of streams that come one after \
-                 the other give each a shape of its own, and take shape:NAME",
+                "mixing: {} of {} particles at {} s came after the first snapshot: they are in neither half and are \
+                 left out. For streams that follow each other, give each its own shape and use shape:NAME",
                 last.left_out,
                 last.left_out + last.grains,
                 readable(last.time_s)
@@ -180,7 +182,8 @@ impl Asked {
         }
         if matches!(groups, Groups::Half(_)) && rows.len() == 1 {
             shown.text.push_str(
-                "mixing: the halves of one snapshot are apart, as they are named: give --series, or several snapshots, to see how they mix\n",
+                "mixing: the halves of a single snapshot are separate by definition: give --series, or several \
+                 snapshots, to see how they mix\n",
             );
         }
         if points.len() > 1 {
@@ -190,7 +193,8 @@ impl Asked {
             shown.plots.push(curve(
                 "mixing",
                 "Mixing",
-                format!("Lacey's index: 0 apart, 1 mixed at random. {cells} cells have grains in the last snapshot."),
+                format!("Lacey's index: 0 separate, 1 mixed at random. {cells} cells contain particles in the last \
+                     snapshot."),
                 ("Lacey's index", 0.0..1.05 * highest),
                 points,
             )?);
@@ -215,7 +219,7 @@ impl Asked {
         write_rows(&out.join("flow.csv"), &rows)?;
         let _ = write!(
             shown.text,
-            "flow: {} grains/s, {} kg/s from {} s to {} s ({} rows)",
+            "flow: {} particles/s, {} kg/s from {} s to {} s ({} rows)",
             readable(rate.grains),
             readable(rate.mass),
             readable(rate.window.from),
@@ -224,15 +228,15 @@ impl Asked {
         );
         if let Some([early, late]) = rate.halves {
             let _ =
-                write!(shown.text, "; by halves {} and {} kg/s", readable(early), readable(late));
+                write!(shown.text, "; per half {} and {} kg/s", readable(early), readable(late));
         }
         shown.text.push('\n');
         if new_behind > 0 {
             let _ = writeln!(
                 shown.text,
-                "flow: grains that were behind the plane when first seen, and are not counted: {new_behind}. If an inlet is before the \
-                 plane, they have passed it between two snapshots: write these more often (output.snapshot_every). Grains that were \
-                 before it when last seen, and are counted: {gone_before}"
+                "flow: {new_behind} particles were first seen behind the plane and are not counted. With an inlet \
+                 before the plane, they crossed it between two snapshots: write snapshots more often \
+                 (output.snapshot_every). {gone_before} particles were last seen before the plane and are counted"
             );
         }
         shown.plots.push(flow_plot(&rows, &rate)?);
@@ -251,7 +255,7 @@ fn make_slope(
     if let Some(last) = rows.last() {
         let _ = writeln!(
             shown.text,
-            "slope: {:.1} degrees, {} m high, columns off the line by {} m in the mean",
+            "slope: {:.1} degrees, {} m high, mean distance of columns from the line {} m",
             last.angle_degrees,
             readable(last.height_m),
             readable(last.scatter_m)
@@ -263,7 +267,7 @@ fn make_slope(
         shown.plots.push(curve(
             "slope",
             "Slope",
-            "Angle of the free surface against the horizontal.".to_owned(),
+            "Angle of the free surface to the horizontal.".to_owned(),
             ("angle (degrees)", reach),
             points,
         )?);
@@ -272,7 +276,7 @@ fn make_slope(
 }
 
 /// Cumulative flow, and the line whose slope is the rate.
-fn flow_plot(rows: &[Passed], rate: &Rate) -> Result<Plot, PlotError> {
+fn flow_plot(rows: &[CumulativeFlow], rate: &Rate) -> Result<Plot, PlotError> {
     let points: Vec<_> = rows.iter().map(|row| (row.time_s, row.mass_kg)).collect();
     let axes = time_axes("mass passed (kg)", &points, span(points.iter().map(|p| p.1)));
     let in_window =
@@ -290,7 +294,7 @@ fn flow_plot(rows: &[Passed], rate: &Rate) -> Result<Plot, PlotError> {
         name: "flow".into(),
         title: "Flow".into(),
         caption: format!(
-            "Mass that has passed. The line is that of least squares: {} grains per second.",
+            "Mass passed. Line: least squares, {} particles per second.",
             readable(rate.grains)
         ),
         width: Width::Half,

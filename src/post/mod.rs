@@ -87,7 +87,7 @@ pub enum PostError {
     #[error(transparent)]
     Drive(#[from] DriveError),
     /// A number is NaN or infinite.
-    #[error("{what} is not a finite number: the snapshot is damaged, or the run had blown up")]
+    #[error("{what} is not a finite number: the snapshot is damaged, or the run was unstable")]
     NotFinite {
         /// Name of the number.
         what: String,
@@ -104,7 +104,7 @@ pub enum PostError {
     },
     /// The id of a particle was never given.
     #[error(
-        "particle {id} has an id that was never given (the next would be {next_id}): the snapshot is damaged"
+        "the id of particle {id} was never assigned (the next is {next_id}): the snapshot is damaged"
     )]
     UnknownId {
         /// Id of the particle.
@@ -113,15 +113,15 @@ pub enum PostError {
         next_id: u64,
     },
     /// Two particles have one id.
-    #[error("particle {id} stands twice in the snapshot")]
+    #[error("particle {id} appears twice in the snapshot")]
     TwiceTheSameId {
         /// Their id.
         id: GlobalId,
     },
     /// A contact refers to a particle that does not exist.
     #[error(
-        "a contact names particle {id}, which the snapshot does not hold: \
-         is the contacts file of the same run and step?"
+        "a contact names particle {id}, which is not in the snapshot: check that the contacts file is of the same run \
+         and step"
     )]
     ContactOfNobody {
         /// Id of the particle.
@@ -137,7 +137,7 @@ pub enum PostError {
     },
     /// The folder has no snapshot.
     #[error(
-        "{folder} holds no snapshot: neither last.vtkhdf nor particles_STEP.vtkhdf",
+        "{folder} contains no snapshot: neither last.vtkhdf nor particles_STEP.vtkhdf",
         folder = folder.display()
     )]
     NoSnapshot {
@@ -146,8 +146,8 @@ pub enum PostError {
     },
     /// Two snapshots are of one step, so that their rows and dumps could not be distinguished.
     #[error(
-        "{first} and {second} are both of step {step}: leave one of them out, give one run at a time, \
-         or compare them with --diff",
+        "{first} and {second} are both of step {step}: leave one out, give one run at a time, or compare them with \
+         --diff",
         first = first.display(),
         second = second.display()
     )]
@@ -182,10 +182,10 @@ pub enum PostError {
         error: Box<PostError>,
     },
     /// A margin was requested, but the packing has no box.
-    #[error("the packing has no box of which a margin could be left out")]
+    #[error("the packing has no bounding box from which a margin could be removed")]
     NoBox,
     /// The region has no particles.
-    #[error("no particle has its centre in the region: make it larger, or the margin smaller")]
+    #[error("the region contains no particle centre: make it larger, or the margin smaller")]
     NobodyThere,
     /// The region has no volume.
     #[error("the region has no length along {axis}: from {low} m to {high} m")]

@@ -33,7 +33,8 @@ impl FromStr for Bounds {
 
     /// Parses `x0,x1,y0,y1,z0,z1` in metres.
     fn from_str(text: &str) -> Result<Self, String> {
-        let number = |word: &str| word.trim().parse().map_err(|_| format!("'{word}' is no number"));
+        let number =
+            |word: &str| word.trim().parse().map_err(|_| format!("'{word}' is not a number"));
         let numbers = text.split(',').map(number).collect::<Result<Vec<f64>, String>>()?;
         let [x0, x1, y0, y1, z0, z1] = numbers[..] else {
             let given = numbers.len();
@@ -151,7 +152,9 @@ impl FromStr for Margin {
             None => (text, Self::Metres),
         };
         let value = number.parse::<f64>().ok().filter(|v| *v >= 0.0 && v.is_finite());
-        value.map(unit).ok_or_else(|| "write metres, 0.004, or grain diameters, 1.5d".to_string())
+        value
+            .map(unit)
+            .ok_or_else(|| "write metres, 0.004, or particle diameters, 1.5d".to_string())
     }
 }
 
@@ -257,9 +260,9 @@ pub(super) fn doubts(header: &Header, region: &Region, packing: Option<&Bounds>)
     let mut doubts = Vec::new();
     if !open.is_empty() {
         doubts.push(format!(
-            "the box of the packing ends at the outermost grain towards {}, be it in flight: no period and no plane across the axis \
-             ends it there. Volume, solid fraction, stress and profiles are of that box; a --region within the packing gives those \
-             that hold",
+            "towards {} the box of the packing ends at the outermost particle, even in flight, as no period and no \
+             plane limits it. Volume, solid fraction, stress and profiles refer to that box; use a --region within \
+             the packing",
             open.join(", ")
         ));
     }
@@ -270,12 +273,12 @@ pub(super) fn doubts(header: &Header, region: &Region, packing: Option<&Bounds>)
     let names: Vec<String> = others.map(|k| format!("\"{}\"", header.walls[k].name)).collect();
     if !names.is_empty() {
         let (walls, are) = match names[..] {
-            [_] => ("wall", "is no plane across an axis and ends"),
-            _ => ("walls", "are no planes across an axis and end"),
+            [_] => ("wall", "is not a plane across an axis and limits"),
+            _ => ("walls", "are not planes across an axis and limit"),
         };
         doubts.push(format!(
-            "{walls} {} {are} nothing: what is behind counts as room of the grains, in volumes and in the \
-             areas of other walls; a --region in front gives densities and stresses that hold",
+            "{walls} {} {are} no region: the space behind is counted in volumes and areas of other walls; use a \
+             --region in front of it",
             listed(names, MOST_NAMED)
         ));
     }

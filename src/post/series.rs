@@ -126,7 +126,7 @@ pub struct Analysed {
 pub(super) fn left_out(name: &str, errors: &[impl Display], count: usize) -> String {
     errors.last().map_or_else(String::new, |last| {
         let left = errors.len();
-        format!("{name}: {left} of {count} snapshots are left out, the last for this: {last}\n")
+        format!("{name}: {left} of {count} snapshots are left out; reason for the last: {last}\n")
     })
 }
 

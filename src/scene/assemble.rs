@@ -9,7 +9,7 @@ use crate::contacts::Contacts;
 use crate::domain::{Domain, halo_width};
 use crate::drive::element::Element;
 use crate::drive::free::FreeWalls;
-use crate::drive::groups::{self, Groups, What};
+use crate::drive::groups::{self, GroupMotion, Groups};
 use crate::drive::inlet::Inlets;
 use crate::drive::ledger::Ledger;
 use crate::drive::outlet::Outlets;
@@ -44,9 +44,8 @@ pub enum StartError {
     Snapshot(#[from] SnapshotError),
     /// It has a shape that the scene lacks.
     #[error(
-        "{path}: particles of shape \"{shape}\", which the scene does not have, or has with another form or size. \
-         Give the scene a [[shape]] of that name and kind \"{kind}\", with semi-axes {semi_axes} and a volume of \
-         {volume:e} m3"
+        "{path}: the scene has no shape \"{shape}\" of this form and size, which particles of the snapshot have. Add \
+         a [[shape]] of that name and kind \"{kind}\", with semi-axes {semi_axes} and a volume of {volume:e} m3"
     )]
     Shape {
         /// The snapshot.
@@ -62,8 +61,8 @@ pub enum StartError {
     },
     /// The stage cannot go on, because the law of the scene needs more state than the snapshot has.
     #[error(
-        "{path}: it has no `{column}` of contacts, which the scene's law remembers: friction or restitution have \
-         been added since. Give it to a new stage, as `start` of the scene"
+        "{path}: it has no `{column}` of contacts, a state variable of the scene's law: friction or restitution have \
+         been added since. Use it for a new stage, as `start` of the scene"
     )]
     Forgotten {
         /// The snapshot.
@@ -97,8 +96,8 @@ pub enum StartError {
     },
     /// It belongs to another stage or scene.
     #[error(
-        "{path}: it is of another stage: its scene's `start` is {start}. Leave out --start to begin a stage from the scene's `start`; to go on in \
-         a stage give it the same `start`"
+        "{path}: it belongs to another stage: its scene's `start` is {start}. To begin a stage from the scene's \
+         `start`, omit --start; to continue a stage, give it the same `start`"
     )]
     OtherStage {
         /// The snapshot.
@@ -108,8 +107,8 @@ pub enum StartError {
     },
     /// The area of a servo's wall is unknown, because walls are tilted.
     #[error(
-        "{path}: it has wall \"{wall}\", or one beside it, tilted, so the area on which its servo presses is not known. Turn it back \
-         before, or leave out the servo"
+        "{path}: wall \"{wall}\", or an adjacent one, is tilted, so the area of its servo is not known. Turn it back \
+         in the stage before, or leave out the servo"
     )]
     Tilted {
         /// The snapshot.
@@ -119,8 +118,8 @@ pub enum StartError {
     },
     /// A servo of force would not press on particles.
     #[error(
-        "{path}: it has wall \"{wall}\" turned so that `along` of its servo leads it along itself, or away from the particles. Give \
-         another `along`, or turn it back before"
+        "{path}: wall \"{wall}\" is turned: `along` of its servo moves it in its own plane, or away from the \
+         particles. Give another `along`, or turn it back in the stage before"
     )]
     Astray {
         /// The snapshot.
@@ -130,8 +129,8 @@ pub enum StartError {
     },
     /// A turned wall cannot move freely: its masses along normals hold for another orientation.
     #[error(
-        "{path}: it has wall \"{wall}\" turned, so it cannot move freely with a `mass`. Turn it back before, or give the scene a wall of \
-         another name that stands so"
+        "{path}: wall \"{wall}\" is turned, so it cannot move freely with a `mass`. Turn it back in the stage before, \
+         or give the scene another wall, with that orientation"
     )]
     Turned {
         /// The snapshot.
@@ -141,8 +140,8 @@ pub enum StartError {
     },
     /// Its images have slid along other axes than the scene's.
     #[error(
-        "{path}: it has been sheared along {along} across {across}, by a strain of {strain}. Give the scene the same `along` and \
-         `across` in domain.shear; rate = 0 holds its images where they are"
+        "{path}: the snapshot was sheared along {along} across {across}, by a strain of {strain}. Give the scene the \
+         same `along` and `across` in domain.shear; rate = 0 keeps the strain"
     )]
     Sheared {
         /// The snapshot.
@@ -156,7 +155,7 @@ pub enum StartError {
     },
     /// Its cell has been strained by a flow.
     #[error(
-        "{path}: its cell has been strained. Give the scene a [cell]: an empty one keeps the edges where they are"
+        "{path}: its cell has been strained. Give the scene a [cell]: an empty one keeps the strain"
     )]
     Strained {
         /// The snapshot.
@@ -164,7 +163,8 @@ pub enum StartError {
     },
     /// Its domain repeats along other axes or with other lengths.
     #[error(
-        "{path}: its periodic axes or their lengths differ from the scene's [domain]: a stage keeps those of the one before"
+        "{path}: its periodic axes or their lengths differ from the scene's [domain]: a stage must keep those of the \
+         stage before"
     )]
     Period {
         /// The snapshot.
@@ -244,8 +244,8 @@ pub fn assemble_with(scene: &Scene, law: Box<dyn ForceLaw>, comm: &dyn Comm) -> 
 /// Data of a group for the particles.
 fn group(group: &groups::Group) -> Group {
     let about = match &group.what {
-        What::Held(path) => path.course.turn.as_ref().map(|_| path.about),
-        What::Pushed(_) => None,
+        GroupMotion::Held(path) => path.course.turn.as_ref().map(|_| path.about),
+        GroupMotion::Pushed(_) => None,
     };
     Group { name: group.name.clone(), about }
 }
@@ -279,7 +279,7 @@ fn drives(scene: &Scene) -> Vec<Box<dyn Drive>> {
 
 /// Information from the snapshot from which a run continues.
 #[derive(Clone, Debug)]
-pub struct TakenUp {
+pub struct RestartInfo {
     /// Errors of newer snapshots that were passed over.
     pub passed_over: Vec<SnapshotError>,
     /// The `[stop]` that held when it was written; empty if none did.
@@ -316,7 +316,7 @@ pub fn take_up(
     path: &Path,
     continuation: Continuation,
     comm: &mut dyn Comm,
-) -> Result<TakenUp, StartError> {
+) -> Result<RestartInfo, StartError> {
     let reader = Reader::open_together(path, comm)?;
     let read = read_part(&reader, reader.path(), scene, comm);
     let (header, mut particles, records) = agree(comm, read)?;
@@ -435,7 +435,7 @@ pub fn take_up(
         Continuation::SameStage => {}
     }
     let passed_over = reader.passed_over().to_vec();
-    Ok(TakenUp { passed_over, stop: header.stop, walls_elsewhere, other_walls, forgotten })
+    Ok(RestartInfo { passed_over, stop: header.stop, walls_elsewhere, other_walls, forgotten })
 }
 
 /// Value of `start` in the text of a scene.
@@ -518,7 +518,8 @@ fn admit_sizes(
         return wrong(
             limit.shape,
             format!(
-                "time.step is over their stable limit of {dt:.2e} s; take a shorter step, or set time.allow_unstable = true"
+                "time.step is over their stable limit of {dt:.2e} s; use a shorter step, or set time.allow_unstable = \
+                 true"
             ),
         );
     }
@@ -530,7 +531,8 @@ fn admit_sizes(
         return wrong(
             largest.map_or(ShapeId(0), |(shape, _)| shape),
             format!(
-                "a period must be at least {:.4e} m, twice the largest bounding diameter and the skin; along {axis} it is {width:?} m",
+                "a period must be at least {:.4e} m, twice the largest bounding diameter and the skin; along {axis} \
+                 it is {width:?} m",
                 2.0 * halo,
             ),
         );
@@ -597,7 +599,7 @@ fn read_part(
             shape: shape.name.clone(),
             least: scale,
             largest: scale,
-            problem: "a scale is a number greater than 0; take another snapshot".to_owned(),
+            problem: "a scale must be a number greater than 0; use another snapshot".to_owned(),
         });
     }
     // A shape without particles may be missing.

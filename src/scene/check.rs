@@ -400,9 +400,8 @@ fn limit_numbers(
 fn start(given: &Given, need: Need) -> Option<PathBuf> {
     let path = PathBuf::from(given.text()?);
     if need == Need::AllFiles && !path.exists() {
-        given.fail(
-            "no such file or directory in the working directory; has the stage before been run?",
-        );
+        given
+            .fail("no such file or directory in the working directory; run the stage before first");
         return None;
     }
     Some(path)
@@ -446,7 +445,7 @@ fn shear(given: &Given, cell: &Cell) -> Option<Shear> {
             let axis = given.one_of(&words)?;
             if cell.open_axes().any(|open| open == axis) {
                 given.fail(format!(
-                    "domain.periodic is false along {}; images slide along and across axes that repeat",
+                    "domain.periodic is false along {}; images slide only along and across periodic axes",
                     AXES[axis]
                 ));
                 return None;
@@ -472,25 +471,27 @@ fn check_shear(root: &Section, domain: &Cell, gravity: Option<Vec3>, walls: usiz
         && let Some(given) = root.get("gravity")
     {
         given.fail(format!(
-            "must be 0 along {}, where images slide: it would push without end",
+            "must be 0 along {}, the axis of the shear: it would accelerate the particles for ever",
             AXES[along]
         ));
     }
     if let Some(given) = root.get("global_damping") {
         given.fail(
-            "would stop the flow of a sheared domain, for it acts on velocities against the box; damp contacts by restitution",
+            "would stop the flow of a sheared domain, as it acts on velocities relative to the box; damp contacts by \
+             restitution",
         );
     }
     if walls > 0
         && let Some(given) = root.get("domain")
     {
         given.fail(
-            "has walls and `shear`: a wall would have to slide against itself. Leave the walls out, or shear by walls that move \
-             in place of `shear`",
+            "has walls and `shear`, so a wall would slide against its images: leave the walls out, or shear by moving \
+             walls instead of `shear`",
         );
     }
     if let Some(given) = root.section("fill").and_then(|fill| fill.get("rain")) {
-        given.fail("not in a sheared domain: take [[fill.lattice]], [[fill.random]] or [[fill.file]], or `start` from a stage without `shear`");
+        given.fail("not in a sheared domain: use [[fill.lattice]], [[fill.random]] or [[fill.file]], or `start` from \
+             a stage without `shear`");
     }
 }
 
@@ -554,7 +555,7 @@ fn check_smooth(root: &Section, library: &Library) {
         && let Some(method) = root.section("contact").and_then(|contact| contact.get("method"))
     {
         method.fail(format!(
-            "not for {}, which have edges or flat sides; take \"auto\", \"gjk-erosion\" or \"epa\"",
+            "not for {}, which have edges or flat sides; use \"auto\", \"gjk-erosion\" or \"epa\"",
             listed(edged, MOST_NAMED)
         ));
     }
@@ -574,7 +575,7 @@ fn stop(section: &Section, grains: &Grains, [has_servo, has_target]: [bool; 2]) 
     if let Some(given) = section.get("remaining")
         && grains.inlets.iter().flatten().any(is_endless)
     {
-        given.fail("never holds: an [[inlet]] without `count` or `mass` has always particles still to come");
+        given.fail("is never reached: an [[inlet]] without `count` or `mass` never ends");
     }
     for key in ["left", "remaining"] {
         if let (Some(given), Some([])) = (section.get(key), grains.outlets.as_deref()) {
@@ -650,7 +651,7 @@ fn check_damping(root: &Section, damping: f64, dt: f64) {
     if damping * dt >= 2.0
         && let Some(given) = root.get("global_damping")
     {
-        given.fail("turns every velocity round in one step; must be less than 2 / time.step");
+        given.fail("reverses every velocity in one step; must be less than 2 / time.step");
     }
 }
 
@@ -676,7 +677,7 @@ impl Time {
                 duration = given.number();
                 let steps = duration.zip(dt).map(|(duration, dt)| steps_of(duration, dt));
                 if steps.is_some_and(|steps| steps > MOST_STEPS) {
-                    given.fail("is more steps than can be counted");
+                    given.fail("is more steps than the maximum");
                 }
                 steps
             }
@@ -707,15 +708,15 @@ struct Limit {
 
 impl Limit {
     fn of(law: &Choice, library: &Library) -> Self {
-        let with =
-            if law.resists_turning() { ", its springs against turning included" } else { "" };
+        let with = if law.resists_turning() { ", including rotation on springs" } else { "" };
         Self { limit: time_step_limit(library, &*law.law(library)), with }
     }
 
     /// Automatic step [s].
     fn own_step(&self, given: &Given) -> Option<f64> {
         let Some(limit) = &self.limit else {
-            given.fail("nothing pushes, so nothing limits the step: give a number [s]");
+            given
+                .fail("no contact has a stiffness, so there is no stable limit: give a number [s]");
             return None;
         };
         Some(own_step(limit.dt))
@@ -728,8 +729,8 @@ impl Limit {
             && let Some(given) = section.get("step")
         {
             given.fail(format!(
-                "over the stable limit of {:.2e} s, set by shape `{}` ({}{}); \
-                 take step = \"auto\", a shorter one, more mass or less stiffness, or set time.allow_unstable = true",
+                "over the stable limit of {:.2e} s, set by shape `{}` ({}{}); use step = \"auto\", a shorter step, \
+                 more mass or less stiffness, or set time.allow_unstable = true",
                 // Rounded down, so that the number itself is allowed.
                 printed_limit(limit.dt),
                 library.names[limit.shape.index()],

@@ -65,10 +65,10 @@ fn rest_beside_drives(scene: &Scene) -> Option<String> {
         None => wall.mass.is_infinite() && (wall.is_moving() || wall.is_belt()),
     };
     let wall = scene.walls.iter().find(moves_for_ever)?;
-    let cure = if wall.is_belt() { "End" } else { "Let it follow a table that ends, or end" };
+    let cure = if wall.is_belt() { "End" } else { "Use a table that ends, or end" };
     Some(format!(
-        "[stop] has `{key}`, which is of bodies that come to rest, and wall \"{}\" never stops: while it moves the grains, that may never hold. {cure} \
-         the stage by its `duration`",
+        "[stop] `{key}` needs bodies at rest, but wall \"{}\" moves for ever, so it may never be reached. {cure} the \
+         stage by its `duration`",
         wall.name
     ))
 }
@@ -95,8 +95,8 @@ fn wall_that_leaves(scene: &Scene) -> Option<String> {
         let gone = gone.fold(f64::INFINITY, f64::min);
         (0.0 < gone && gone < lasts).then(|| {
             format!(
-                "wall \"{}\" moves out of the domain with its `velocity`: after {gone:.3e} s of {lasts:.3e} s all of it is outside, where no grain is. A belt \
-                 that stays has a `surface_velocity`; a wall that comes back a [[motion]]",
+                "wall \"{}\" leaves the domain with its `velocity`: after {gone:.3e} s of {lasts:.3e} s it is \
+                 completely outside. For a belt use `surface_velocity`, for a wall that returns a [[motion]]",
                 wall.name
             )
         })
@@ -128,7 +128,8 @@ fn sizes_of_a_list(scene: &Scene) -> Option<String> {
     };
     let shape = (0..library.particle_shapes).find(is_void)?;
     Some(format!(
-        "shape `{}` has a `size`, which is of lattices, rain and inlets: its particles of [[fill.file]] are all of scale 1. Give the file a column `scale`",
+        "`size` of shape `{}` has no effect: it is for lattices, rain and inlets, and all particles of [[fill.file]] \
+         have scale 1. Give the file a column `scale`",
         library.names[shape]
     ))
 }
@@ -140,8 +141,8 @@ fn rest_before_an_inlet(scene: &Scene) -> Option<String> {
     let inlet = scene.inlets.iter().find(|inlet| inlet.begin > 0.0 && inlet.until.is_none())?;
     (scene.stop.after < inlet.begin).then(|| {
         format!(
-            "[stop] has `{key}`, which may hold before inlet `{}` begins at {:?} s, as it has no end for which the stage would wait: set `after` in [stop] \
-             to a later time",
+            "[stop] `{key}` may be reached before inlet `{}` begins at {:?} s, because the stage does not wait for \
+             inlets without end: set `after` in [stop] to a later time",
             inlet.name, inlet.begin
         )
     })
@@ -151,10 +152,7 @@ fn rest_before_an_inlet(scene: &Scene) -> Option<String> {
 fn idle_belt(scene: &Scene) -> Option<String> {
     let belt = scene.walls.iter().find(|wall| wall.is_belt())?;
     (scene.law.highest_friction() == 0.0).then(|| {
-        format!(
-            "wall \"{}\" has a `surface_velocity`, and there is no friction: nothing is carried along",
-            belt.name
-        )
+        format!("wall \"{}\" has a `surface_velocity`, but no effect without friction", belt.name)
     })
 }
 
@@ -163,7 +161,7 @@ fn idle_spin(scene: &Scene) -> Option<String> {
     let inlet = scene.inlets.iter().find(|inlet| inlet.spin > 0.0)?;
     (!scene.needs().spin).then(|| {
         format!(
-            "inlet `{}` has a `spin`, and spheres without friction do not turn here: it is left out",
+            "`spin` of inlet `{}` is ignored: spheres without friction do not rotate",
             inlet.name
         )
     })
@@ -174,7 +172,7 @@ fn stop_too_late(scene: &Scene) -> Option<String> {
     let lasts = scene.duration.unwrap_or(scene.steps as f64 * scene.dt);
     (scene.stop.after > lasts + 0.5 * scene.dt).then(|| {
         format!(
-            "[stop] is looked at after {} s, and the stage lasts {lasts:.3e} s: all its steps are taken",
+            "[stop] is checked only after {} s, but the stage lasts {lasts:.3e} s: it will run to its end",
             scene.stop.after
         )
     })
@@ -186,7 +184,7 @@ fn seldom_looked(scene: &Scene) -> Option<String> {
     let outlets = scene.outlets.iter().map(|outlet| ("outlet", &outlet.name, outlet.every));
     let (what, name, every) = inlets.chain(outlets).find(|&(.., every)| every > scene.steps)?;
     Some(format!(
-        "{what} `{name}` acts every {every} steps, and there are {}: it never does",
+        "{what} `{name}` acts every {every} steps, and the stage has {}: it never acts",
         scene.steps
     ))
 }
@@ -204,7 +202,7 @@ fn begins_too_late(scene: &Scene) -> Option<String> {
     };
     let inlet = scene.inlets.iter().find(is_late)?;
     Some(format!(
-        "inlet `{}` begins after {:?} s of the stage, and its particles may appear until {:.3e} s: none comes",
+        "inlet `{}` begins after {:?} s of the stage, but can insert particles only until {:.3e} s: it inserts none",
         inlet.name,
         inlet.begin,
         last_look(scene, inlet)
@@ -219,7 +217,8 @@ fn too_many_at_once(scene: &Scene) -> Option<String> {
         let at_once = inlet.due_within(between_looks.min(feeds), &scene.library);
         (at_once > MOST_AT_ONCE).then(|| {
             format!(
-                "inlet `{}`: some {at_once} particles are due every {} steps, and {MOST_AT_ONCE} come at a time at most: make `every` smaller",
+                "inlet `{}`: some {at_once} particles are due every {} steps, but the maximum is {MOST_AT_ONCE} at a \
+                 time: make `every` smaller",
                 inlet.name, inlet.every
             )
         })
@@ -240,7 +239,8 @@ fn area_in_a_pipe(scene: &Scene) -> Option<String> {
     };
     let (stress, area) = of_servo.or_else(written)?;
     Some(format!(
-        "{stress} is force over {area:.4e} m2, the area between planes and periods: wall \"{}\" does not narrow that",
+        "{stress} is force over {area:.4e} m2, the area between planes and periods: the area is not reduced by wall \
+         \"{}\"",
         other.name
     ))
 }
@@ -267,7 +267,8 @@ fn nothing_leaves(scene: &Scene) -> Option<String> {
     };
     let outlet = scene.outlets.iter().find(outside)?;
     Some(format!(
-        "outlet `{}` lies outside the domain by more than a radius: nothing reaches it, and what leaves the domain ends the run",
+        "outlet `{}` is outside the domain by more than a radius: it removes no particle, and the run stops when one \
+         leaves the domain",
         outlet.name
     ))
 }
@@ -277,7 +278,7 @@ fn friction_in_degrees(scene: &Scene) -> Option<String> {
     let friction = scene.law.highest_friction();
     (5.0..=60.0).contains(&friction).then(|| {
         format!(
-            "a friction of {friction} is a coefficient; is it an angle in degrees? Its tangent is {:.2}",
+            "friction is {friction}: if this is an angle in degrees, its coefficient is {:.2}",
             libm::tan(friction.to_radians())
         )
     })
@@ -290,7 +291,7 @@ fn shaken_too_fast(scene: &Scene) -> Option<String> {
         let steps = wall.course.as_ref()?.shortest_period()? / scene.dt;
         (steps < STEPS).then(|| {
             format!(
-                "wall \"{}\" oscillates once in {steps:.1} steps: with less than {STEPS} its motion is not followed",
+                "wall \"{}\" oscillates once in {steps:.1} steps: at least {STEPS} are needed to resolve its motion",
                 wall.name
             )
         })
@@ -307,14 +308,14 @@ fn triangles_elsewhere(scene: &Scene) -> Option<String> {
         let apart = (0..3).any(|k| lowest[k] > high[k] || highest[k] < low[k]);
         let times = (highest - lowest).amax() / size;
         let what = if apart {
-            "stands outside the domain".to_owned()
+            "is outside the domain".to_owned()
         } else if times > LARGE {
             format!("is {times:.0} times as large as the domain")
         } else {
             return None;
         };
         Some(format!(
-            "wall \"{}\" {what}: is the `scale` of its mesh right, as 0.001 for millimetres?",
+            "wall \"{}\" {what}: check the `scale` of its mesh, such as 0.001 for millimetres",
             wall.name
         ))
     })
@@ -349,7 +350,8 @@ fn walls_in_walls(scene: &Scene) -> Option<String> {
     }
     (!found.is_empty()).then(|| {
         format!(
-            "walls lie in each other: {}. A particle has one contact there, with the plane, or with the wall in which it is deeper",
+            "walls coincide: {}. There a particle has one contact, with the plane, or with the wall of the larger \
+             overlap",
             found.join(", ")
         )
     })
@@ -378,7 +380,7 @@ fn flat_for_hertz(scene: &Scene) -> Option<String> {
     let stiffer = 0.25 * scene.library.largest_radius() / radius;
     (scene.law.linear().is_none() && stiffer > BENT).then(|| {
         format!(
-            "Hertz' law takes the wall \"{}\" as flat, while it is bent: contacts with it are up to {:.0} % stiffer than that",
+            "Hertz' law treats the curved wall \"{}\" as flat: its contacts are up to {:.0} % stiffer than exact",
             wall.name,
             100.0 * stiffer
         )
@@ -394,7 +396,7 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
         Goal::Force { newtons, .. } => {
             let stress = stress_of_force(newtons, &domain.sides());
             (
-                format!("a servo of {newtons:e} N, over the smallest side of the domain, that is"),
+                format!("a servo of {newtons:e} N, on the smallest side of the domain a stress of"),
                 stress,
             )
         }
@@ -430,8 +432,8 @@ fn pressed_flat(scene: &Scene) -> Option<String> {
     };
     (deepest > DEEPEST_START).then(|| {
         format!(
-            "{who} {stress:e} Pa presses grains into each other by {how} {:.0} % of their diameter; DEM commonly permits \
-             {} %: make contacts stiffer or the load smaller",
+            "{who} {stress:e} Pa causes overlaps of {how} {:.0} % of the particle diameter; DEM commonly permits {} \
+             %: make contacts stiffer or the load smaller",
             100.0 * deepest,
             100.0 * DEEPEST_START
         )
@@ -444,8 +446,9 @@ fn energy_of_erosion(scene: &Scene) -> Option<String> {
     let grains = &scene.library.shapes[..scene.library.particle_shapes];
     let is_approximate = |shape: &Shape| shape.kind() != Kind::Sphere;
     (matches!(scene.method, Method::GjkErosion(_)) && grains.iter().any(is_approximate)).then(|| {
-        "gjk-erosion takes a normal that is not that of the least overlap, so a collision gains or loses energy: at overlaps of \
-         1 % up to 9 % between ellipsoids of 2:1, up to 41 % between superellipsoids. With method = \"auto\" it does not"
+        "gjk-erosion uses a normal other than that of the least overlap, so collisions gain or lose energy. At \
+         overlaps of 1 % the error is up to 9 % for ellipsoids of 2:1, and up to 41 % for superellipsoids. Use method \
+         = \"auto\""
             .to_owned()
     })
 }
@@ -456,8 +459,8 @@ fn energy_of_faces(scene: &Scene) -> Option<String> {
     let by_depth = matches!(scene.method, Method::GjkErosion(_) | Method::Epa(_));
     (has_faces && by_depth).then(|| {
         format!(
-            "with method = \"{}\" contacts of faces and straight sides act in one point that jumps from corner to corner: they make \
-             energy, and nothing comes to rest on them. With method = \"auto\" they do not",
+            "with method = \"{}\" the contact point of faces and straight sides jumps between corners: contacts gain \
+             energy, and particles do not come to rest. Use method = \"auto\"",
             scene.method.name()
         )
     })
@@ -468,8 +471,8 @@ fn sides_on_faces(scene: &Scene) -> Option<String> {
     let kinds = scene.particle_kinds();
     let is_there = |has: fn(Kind) -> bool| kinds.iter().any(|&kind| has(kind));
     (is_there(Kind::has_side) && is_there(Kind::has_faces)).then(|| {
-        "a spherocylinder that lies on a face of a polyhedron touches it in one point that jumps from end to end: there it rocks \
-         without coming to rest. Take a `rounded-polyhedron` in place of one of them"
+        "the contact point of a spherocylinder on a face of a polyhedron jumps between its ends: it rocks without \
+         coming to rest. Replace one of them by a `rounded-polyhedron`"
             .to_owned()
     })
 }
@@ -510,8 +513,9 @@ pub fn restless_sides(scene: &Scene) -> Option<String> {
     }
     instead.push("a `polyhedron` or `rounded-polyhedron`".to_owned());
     Some(format!(
-        "shape `{}` is so flat that steps of {:e} s cannot follow how its weight turns it within {:.0} % of the half length \
-         around the middle of a side: on it a grain rocks without coming to rest, and creeps on slopes. Take {}",
+        "shape `{}` is too flat for steps of {:e} s: rotation under its weight is not resolved within {:.0} % of the \
+         half length around the middle of a side. Such particles rock without coming to rest, and creep on slopes. \
+         Use {}",
         library.names[id.index()],
         scene.dt,
         100.0 * part_of_worst,
@@ -524,20 +528,20 @@ fn rain_cut_short(scene: &Scene) -> Option<String> {
     let rain = scene.rain.as_ref()?;
     if rain.every > scene.steps {
         return Some(format!(
-            "no rain will fall: the first layer appears at step {}, and there are {} steps. Make `every` smaller",
+            "no rain will fall: the first layer appears at step {}, but the stage has {} steps. Make `every` smaller",
             rain.every, scene.steps
         ));
     }
     let Some(interval) = rain.interval(&scene.gravity, &scene.domain, scene.dt) else {
         return (rain.layers() > 1).then(|| {
-            "nothing moves the first layer of rain out of its slab, so there will be no second: give it a `velocity`".to_owned()
+            "the first layer of rain never leaves its slab, so no other follows: give it a `velocity`".to_owned()
         });
     };
     let last = (rain.layers() - 1).saturating_mul(interval).saturating_add(rain.every);
     if last >= scene.steps {
         return Some(format!(
-            "the last layers of rain will not fall: a layer leaves its slab after {interval} steps, so the last of {} appears at \
-             step {last} or later, and there are {} steps. Take more steps, a thinner slab, or {}",
+            "the last layers of rain will not fall: a layer leaves its slab after {interval} steps, so the last of {} \
+             appears at step {last} or later, but the stage has {} steps. Use more steps, a thinner slab, or {}",
             rain.layers(),
             scene.steps,
             more_speed(rain)
@@ -547,8 +551,8 @@ fn rain_cut_short(scene: &Scene) -> Option<String> {
     let fall = rain.fall(&low, &high, bed(scene, rain), &scene.gravity, scene.dt)?;
     (last.saturating_add(fall) >= scene.steps).then(|| {
         format!(
-            "the last layers of rain will still be falling at the end: the last appears at step {last} or later and needs some \
-             {fall} steps to the bed, and there are {} steps. Take more steps, or {}",
+            "the last layers of rain will not reach the bed: the last appears at step {last} or later and needs some \
+             {fall} steps, but the stage has {} steps. Use more steps, or {}",
             scene.steps,
             more_speed(rain)
         )
@@ -560,8 +564,8 @@ fn rain_among_walls(scene: &Scene) -> Option<String> {
     let Within { places, free, .. } = scene.rain.as_ref()?.within.as_ref()?;
     (free < places).then(|| {
         format!(
-            "walls leave some {free} of the {places} places of a layer of rain: if they should be clear of it, give it another region by \
-             `low` and `high`, or `axis` and `radius`"
+            "only some {free} of {places} places of a layer of rain are clear of walls: for another region use `low` \
+             and `high`, or `axis` and `radius`"
         )
     })
 }
@@ -574,7 +578,7 @@ fn many_snapshots(scene: &Scene) -> Option<String> {
     let count = scene.steps.checked_div(scene.snapshot_every)?;
     (count > MANY_SNAPSHOTS).then(|| {
         format!(
-            "snapshot_every = {} makes some {count} snapshots of all particles and contacts, with two files each: make it larger",
+            "snapshot_every = {} writes some {count} snapshots of two files each: make it larger",
             scene.snapshot_every
         )
     })
@@ -584,8 +588,8 @@ fn many_snapshots(scene: &Scene) -> Option<String> {
 fn thrown_up(scene: &Scene) -> Option<String> {
     let rain = scene.rain.as_ref()?;
     (rain.velocity.dot(&scene.gravity) < 0.0).then(|| {
-        "the `velocity` of [fill.rain] is against `gravity`: its particles are thrown upwards, and fall back into the layers that come later. \
-         Turn its sign round"
+        "the `velocity` of [fill.rain] is opposite to `gravity`: its particles rise first, and fall back into later \
+         layers. Change its sign"
             .to_owned()
     })
 }
@@ -606,8 +610,8 @@ fn falls_out(scene: &Scene) -> Option<String> {
     let falls = 0.5 * gravity[axis].abs() * lasts * lasts > height;
     (may_fall && falls).then(|| {
         format!(
-            "gravity pulls particles out through the side {} of the domain, where no wall stands: the first one that leaves ends the run. \
-             Put a wall there, or an [[outlet]] if they may leave",
+            "gravity pulls particles out through the side {} of the domain, which has no wall: the run stops when the \
+             first one leaves. Put a wall there, or an [[outlet]]",
             face.name
         )
     })
@@ -642,9 +646,9 @@ fn layers_that_miss(scene: &Scene) -> Option<String> {
     let apart = lattice.spacing[across] - 2.0 * lattice.jitter;
     (apart >= widest).then(|| {
         format!(
-            "layers of the lattice are at least {apart:.3e} m apart along {}, and particles at most {widest:.3e} m wide: the shear \
-             slides them past each other, and they may never touch. Put a second lattice into the gaps, or take what a stage before \
-             has packed (`start`)",
+            "layers of the lattice are at least {apart:.3e} m apart along {}, and particles at most {widest:.3e} m \
+             wide: the sheared layers may never touch. Put a second lattice into the gaps, or `start` from a packing \
+             of a stage before",
             AXES[across]
         )
     })
@@ -698,8 +702,8 @@ fn lost_in_rounding(scene: &Scene) -> Option<String> {
     }
     if let Some((part, what)) = worst {
         return Some(format!(
-            "of a step of {what} up to {:.2} % is rounded off, so far is it from the origin: put the origin near the particles, \
-             or take a longer time step",
+            "up to {:.2} % of a step of {what} is lost in rounding, because of the distance to the origin: put the \
+             origin near the particles, or use a longer time step",
             100.0 * part.min(1.0)
         ));
     }
@@ -708,8 +712,8 @@ fn lost_in_rounding(scene: &Scene) -> Option<String> {
     let fall = (scene.gravity.norm() * scene.library.least_inscribed_radius()).sqrt();
     (fall.is_finite() && lost > SLOW * fall && fall > 0.0).then(|| {
         format!(
-            "at the domain's far corner motion slower than {lost:.1e} m/s is lost in rounding, so far is it from the origin: put \
-             the origin near the particles"
+            "at the far corner of the domain, motion slower than {lost:.1e} m/s is lost in rounding: put the origin \
+             near the particles"
         )
     })
 }

@@ -5,7 +5,7 @@ use super::reader::{Given, Section};
 use crate::cell::{AXES, Cell};
 use crate::drive::element::{Control, Goal, gradient};
 use crate::measure::COMPONENTS;
-use crate::walls::courses::Way;
+use crate::walls::courses::TimeFunction;
 use std::path::Path;
 
 /// The components, in the order of [`COMPONENTS`].
@@ -21,7 +21,7 @@ pub(super) fn domain(root: &Section, domain: Option<&Cell>) -> Option<Cell> {
     let carried = before.at_rest();
     if carried.is_none() {
         given.fail_whole(
-            "needs a domain that is periodic along x, y and z, and without `shear`: take `xy = { rate = .. }` in its place",
+            "needs a domain that is periodic along x, y and z, and without `shear`: use `xy = { rate = .. }` instead",
         );
     }
     carried
@@ -40,14 +40,14 @@ pub(super) fn control(root: &Section, folder: &Path) -> Option<Option<Control>> 
     let control = Control { goals, ramp: ramp?, max_rate: max_rate.unwrap_or(0.0), gain: gain? };
     if control.has_target() && max_rate.is_none() {
         section.fail(
-            "a component has a `stress`, so it needs `max_rate`, the fastest rate at which it may strain [1/s]: a strain of 1e-3 in the \
-             time in which a grain crosses its own size under that stress, d sqrt(density / stress), is slow",
+            "a component has a `stress` but there is no `max_rate`, the highest strain rate [1/s]. A strain of 1e-3 \
+             in the time d sqrt(density / stress) is slow, with particle diameter d",
         );
         return None;
     }
     for key in ["ramp", "max_rate", "gain"] {
         if !control.has_target() {
-            section.refuse(key, "nothing has a `stress`");
+            section.refuse(key, "has no effect without a `stress`");
         }
     }
     Some(Some(control))
@@ -61,7 +61,7 @@ fn goals(section: &Section, folder: &Path) -> Option<[Goal; 6]> {
     }
     if let Some(of_all) = section.get("isotropic") {
         if given[..3].iter().any(Option::is_some) {
-            of_all.fail_whole("strains along x, y and z alike: leave out `xx`, `yy` and `zz`");
+            of_all.fail_whole("applies to x, y and z: leave out `xx`, `yy` and `zz`");
             return None;
         }
         let goal = match goal(&of_all, folder)? {
@@ -82,9 +82,9 @@ fn goals(section: &Section, folder: &Path) -> Option<[Goal; 6]> {
     }
     if section.boolean_or("constant_volume", false)? {
         if given[..3].iter().all(Option::is_some) {
-            section.get("constant_volume")?.fail(
-                "no component is left that could keep the volume: leave out one of `xx`, `yy` and `zz` at least",
-            );
+            section
+                .get("constant_volume")?
+                .fail("needs a free component: leave out at least one of `xx`, `yy` and `zz`");
             return None;
         }
         for goal in given[..3].iter_mut().filter(|goal| goal.is_none()) {
@@ -121,17 +121,18 @@ pub(super) fn check_others(root: &Section, walls: usize) {
     if walls > 0
         && let Some(given) = root.get("cell")
     {
-        given.fail_whole("not together with walls, which a flow would carry along: leave the walls out, or move them");
+        given.fail_whole("not with walls, which the flow would carry along: leave the walls out, or use moving walls");
     }
     if let Some(given) = root.get("gravity")
         && given.vector().is_some_and(|gravity| gravity.norm() > 0.0)
     {
-        given.fail("must be 0 with a [cell]: it would push without end");
+        given.fail("must be 0 with a [cell]: it would accelerate the particles for ever");
     }
     let rain = root.section("fill").and_then(|fill| fill.get("rain"));
     let others = [rain, root.get("inlet"), root.get("outlet")];
     for given in others.into_iter().flatten() {
-        given.fail_whole("not together with a [cell]: make the grains by [[fill.random]], [[fill.lattice]] or [[fill.file]], or `start` from a stage without it");
+        given.fail_whole("not with a [cell]: use [[fill.random]], [[fill.lattice]] or [[fill.file]], or `start` from \
+             a stage without it");
     }
 }
 
@@ -149,7 +150,8 @@ pub(super) fn check_course(
     let fastest = fastest.iter().fold(0.0_f64, |most, rate| most.max(rate.abs()));
     if fastest * dt > MOST_IN_STEP {
         section.fail(format!(
-            "strains by {:.2e} in a step; must be at most {MOST_IN_STEP:e}: a slower rate, at most {:.3e} 1/s, or a shorter step",
+            "strains by {:.2e} in a step; must be at most {MOST_IN_STEP:e}: use a rate of at most {:.3e} 1/s, or a \
+             shorter step",
             fastest * dt,
             MOST_IN_STEP / dt
         ));
@@ -173,8 +175,8 @@ pub(super) fn check_course(
                 .map(|k| format!("{} = {:.3}", NAMES[k], strains[k]))
                 .collect();
             section.fail(format!(
-                "strained by {} the cell is {width:.4e} m wide across {axis}; it must stay at least {least:.4e} m, twice the largest \
-                 bounding diameter and the skin: take more grains, or fewer steps",
+                "with strains {} the cell is {width:.4e} m wide across {axis}; it must stay at least {least:.4e} m, \
+                 twice the largest bounding diameter and the skin: use more particles, or fewer steps",
                 all.join(", ")
             ));
             return;
@@ -187,7 +189,7 @@ pub(super) fn words(control: &Control) -> String {
     let Control { goals, ramp, max_rate, gain } = control;
     let one = |(k, goal): (usize, &Goal)| match goal {
         Goal::Rate(rate) => format!("{} at {rate} 1/s", NAMES[k]),
-        Goal::Path(Way::Oscillation { amplitude, frequency, .. }) => {
+        Goal::Path(TimeFunction::Oscillation { amplitude, frequency, .. }) => {
             format!("{} oscillates by {amplitude} at {frequency} 1/s", NAMES[k])
         }
         Goal::Path(way) => {
@@ -206,7 +208,7 @@ pub(super) fn words(control: &Control) -> String {
         all.push(format!("at most {max_rate} 1/s, gain {gain}"));
     }
     if *ramp > 0.0 {
-        all.push(format!("targets move for {ramp} s"));
+        all.push(format!("targets reached in {ramp} s"));
     }
     all.join("; ")
 }

@@ -36,7 +36,7 @@ pub(super) fn outlets(root: &Section, domain: Option<&Cell>) -> Option<Vec<Outle
             && let Some(axis) = domain.repeats_along(&normal)
         {
             section.get("normal")?.fail(format!(
-                "the domain is periodic along {}: behind a plane across it is everything. Take `low` and `high`",
+                "the domain is periodic along {}, so a plane across it has no side behind it. Use `low` and `high`",
                 AXES[axis]
             ));
             return None;
@@ -64,7 +64,7 @@ pub(super) fn check_apart(
             .filter_map(|place| outlets.iter().find(|outlet| outlet.region.holds(place, cell)));
         let outlet = holding.next()?;
         Some(format!(
-            "lies in outlet `{}`, which takes away what appears there; move one of them",
+            "overlaps outlet `{}`, which would remove its particles; move one of them",
             outlet.name
         ))
     };
@@ -97,7 +97,9 @@ pub(super) fn inlets(root: &Section, fills: &Fills) -> Option<Vec<Inlet>> {
         sections.iter().map(|section| inlet(section, fills, &mut names)).collect();
     let rain = root.section("fill").and_then(|fill| fill.get("rain"));
     if let (Some(section), Some(_)) = (sections.first(), rain) {
-        section.fail("not together with [fill.rain], whose layers do not look for its particles; take a second [[inlet]]");
+        section.fail(
+            "not with [fill.rain], whose layers may overlap its particles; use a second [[inlet]]",
+        );
     }
     if let (Some(section), Some(_)) = (sections.first(), fills.domain.and_then(Cell::shear)) {
         section.fail("not in a sheared domain");
@@ -144,8 +146,7 @@ fn inlet(section: &Section, fills: &Fills, names: &mut Vec<String>) -> Option<In
         section.fail(reaching(&beyond));
     }
     if fills.gravity == Vec3::zeros() && velocity == Vec3::zeros() && spread == 0.0 {
-        section
-            .fail("its particles stay where they appear: gravity, `velocity` and `spread` are 0");
+        section.fail("its particles would not move: gravity, `velocity` and `spread` are 0");
     }
     Some(Inlet {
         name: name?,
@@ -173,8 +174,8 @@ fn list(section: &Section, name: Option<&str>) -> Option<bool> {
             name.is_none_or(|name| name.len() <= LONGEST_LISTED && !name.contains(is_unfit));
         if list && !may_be_listed {
             given.fail(format!(
-                "the list is a file named after it: take a name of at most {LONGEST_LISTED} bytes, without control characters \
-                 and without {}; or leave `list` out",
+                "the name is used for the file of the list: use at most {LONGEST_LISTED} bytes, without control \
+                 characters and without {}; or omit `list`",
                 UNFIT_FOR_FILES.map(String::from).join(" ")
             ));
         }
@@ -194,12 +195,12 @@ fn name(section: &Section, names: &mut Vec<String>) -> Option<String> {
         };
         if let Some(other) = names.iter().find(shares_column) {
             given.fail(format!(
-                "it and `{other}` would share a column of history.csv, where masses end in _kg: take another name"
+                "it and `{other}` would share a column of history.csv, where masses end in _kg: use another name"
             ));
         }
         let kinds = ["entered", "left", "missing"];
         if let Some(kind) = kinds.iter().find(|kind| has_column(&format!("{kind}_{name}"))) {
-            given.fail(format!("history.csv has a column {kind}_{name} already: take another name"));
+            given.fail(format!("history.csv has a column {kind}_{name} already: use another name"));
         }
         names.push(name.clone());
         Some(name)

@@ -43,12 +43,13 @@ fn expected(given: &Given) {
     let is_table = |kind: &Kind| matches!(kind, Kind::Table(_));
     match (given.kind, &given.node.value) {
         (Kind::List { names, item, .. }, _) if names.is_empty() && is_table(item) => {
-            given.fail_whole(format!("there can be several; write [[{header}]], not [{header}]"));
+            given
+                .fail_whole(format!("may occur several times; write [[{header}]], not [{header}]"));
         }
         (Kind::Table(_), Value::List(items))
             if items.iter().all(|item| matches!(item.value, Value::Table(_))) =>
         {
-            given.fail_whole(format!("there can be only one; write [{header}], not [[{header}]]"));
+            given.fail_whole(format!("may occur only once; write [{header}], not [[{header}]]"));
         }
         (kind, value) => {
             given.fail(format!("must be {}, not {}", Allowed(kind, given.unit), value.type_name()));
@@ -69,7 +70,7 @@ fn check_one(given: &Given, kind: &'static Kind) {
                 ));
             } else if given.number().is_none() {
                 let (least, most) = (LENGTHS.start(), LENGTHS.end());
-                given.fail(format!("leaves the range of lengths, from {least:e} to {most:e} m"));
+                given.fail(format!("is outside the range of lengths, {least:e} to {most:e} m"));
             }
         }
         Kind::Whole(_) => {
@@ -112,8 +113,8 @@ fn check_one(given: &Given, kind: &'static Kind) {
 }
 
 /// Hint after the range of exponents.
-const OF_EXPONENTS: &str = ": 2 / n for powers of n, so 0.25 for 8 (a box, a cylinder, an octahedron or a cone is a `polyhedron`, with round \
-    edges a `rounded-polyhedron`)";
+const OF_EXPONENTS: &str = ": for powers of n use 2 / n, so 0.25 for 8 (for boxes, cylinders, octahedra and cones use \
+     a `polyhedron`, with round edges a `rounded-polyhedron`)";
 
 fn is_of(given: &Given, words: &[String]) -> bool {
     given.text().is_some_and(|text| words.iter().any(|word| word == text))

@@ -10,7 +10,9 @@ use super::reader::{Given, Section};
 use super::regions::region;
 use super::walls::{LONGEST_MOVE, Walls, rotation, too_far};
 use crate::cell::Cell;
-use crate::drive::groups::{Drag, DragLaw, Group, Load, Path as Way, Push, What, Who};
+use crate::drive::groups::{
+    Drag, DragLaw, Group, GroupMotion, Load, Path as GroupPath, Push, Selection,
+};
 use crate::ids::ShapeId;
 use crate::math::{Vec3, printed_limit};
 use crate::population::Library;
@@ -53,7 +55,7 @@ pub(super) fn read(
             && let Some(given) = section.get("name")
         {
             given.fail(
-                "a wall has this name, and forces on both are in `history.csv`; take another",
+                "is also the name of a wall, and both have forces in `history.csv`; use another",
             );
         }
         let inlets = inlets.as_deref_mut().unwrap_or_default();
@@ -78,7 +80,12 @@ pub(super) fn read(
 }
 
 /// Particles of a group; `number` is that of the group.
-fn who(section: &Section, around: &Around, inlets: &mut [Inlet], number: usize) -> Option<Who> {
+fn who(
+    section: &Section,
+    around: &Around,
+    inlets: &mut [Inlet],
+    number: usize,
+) -> Option<Selection> {
     let shapes = section.read_or("shapes", Vec::new(), |given| {
         let items = if given.text().is_some() { vec![given.clone()] } else { given.list()? };
         let shape = |item: &Given| around.shapes.names.find(item, item.text()?);
@@ -90,10 +97,8 @@ fn who(section: &Section, around: &Around, inlets: &mut [Inlet], number: usize) 
     let by_inlet = section.get("inlets");
     if let Some(given) = &by_inlet {
         for key in ["shapes", "region", "ids", "id_ranges"] {
-            section.refuse(
-                key,
-                "stands beside `inlets`; a group has the particles of inlets, or others",
-            );
+            section
+                .refuse(key, "not with `inlets`: a group contains particles of inlets, or others");
         }
         for item in given.list().unwrap_or_default() {
             let Some(name) = item.text() else { continue };
@@ -103,12 +108,12 @@ fn who(section: &Section, around: &Around, inlets: &mut [Inlet], number: usize) 
                 continue;
             };
             if inlet.group != 0 {
-                item.fail("belongs to a group already");
+                item.fail("belongs to another group already");
             }
             inlet.group = number as u16;
         }
     }
-    Some(Who { shapes: shapes?, region: within?, ids: ids?, by_inlet: by_inlet.is_some() })
+    Some(Selection { shapes: shapes?, region: within?, ids: ids?, by_inlet: by_inlet.is_some() })
 }
 
 /// First and last ids.
@@ -131,7 +136,7 @@ fn ids(section: &Section) -> Option<Vec<[u64; 2]>> {
 }
 
 /// Motion of a group.
-fn what(section: &Section, around: &Around, name: &str) -> Option<What> {
+fn what(section: &Section, around: &Around, name: &str) -> Option<GroupMotion> {
     let Around { domain, walls, .. } = around;
     let fixed = section.boolean_or("fixed", false);
     let velocity = section.vector_or("velocity", Vec3::zeros());
@@ -142,28 +147,33 @@ fn what(section: &Section, around: &Around, name: &str) -> Option<What> {
     let turning = rotation.map_or_else(Vec3::zeros, |(_, rate)| rate);
     let (course, of_motion) = walls.motions().of_group(name, &velocity?, &turning);
     let about = rotation.map(|(about, _)| about).or(of_motion).unwrap_or_else(Vec3::zeros);
-    let path = Way { course, about };
+    let path = GroupPath { course, about };
     let moves = ["velocity", "rotation"].iter().any(|key| section.get(key).is_some());
     let is_held = fixed? || moves || !path.is_still();
     if fixed? && (moves || !path.is_still()) {
-        section.get("fixed")?.fail("stands beside a `velocity`, a `rotation` or a [[motion]] of the group; leave out one of them");
+        section.get("fixed")?.fail(
+            "not with a `velocity`, a `rotation` or a [[motion]] of the group; leave out one \
+             of them",
+        );
     }
     if is_held {
         for key in ["force", "force_by", "torque", "torque_by", "drag"] {
-            section.refuse(key, "is of particles that move freely; these are held, by `fixed`, `velocity`, `rotation` or a [[motion]]");
+            section.refuse(key, "needs freely moving particles, but these have `fixed`, `velocity`, `rotation` or a \
+                 [[motion]]");
         }
     }
     if domain.is_some_and(Cell::moves) && (is_held || section.get("drag").is_some()) {
-        section.fail("is held, or has a drag, which has no meaning against the flow of a sheared or strained domain; leave out `shear` or [cell], or the group");
+        section.fail("has prescribed motion or drag, which are undefined in the flow of a sheared or strained domain; \
+             leave out `shear` or [cell], or the group");
     }
-    if is_held { Some(What::Held(path)) } else { pushed.map(What::Pushed) }
+    if is_held { Some(GroupMotion::Held(path)) } else { pushed.map(GroupMotion::Pushed) }
 }
 
 fn push(section: &Section, around: &Around) -> Option<Push> {
     let load = |keys: [&str; 2], column: &str| {
         let [constant, by] = keys;
         if section.get(constant).is_some() {
-            section.refuse(by, &format!("stands beside `{constant}`; leave out one of them"));
+            section.refuse(by, &format!("not with `{constant}`; leave out one of them"));
         }
         match section.section(by) {
             None => section.optional(constant, |given| given.vector().map(Load::Constant)),
@@ -190,7 +200,7 @@ fn drag(section: &Section, gravity: Vec3) -> Option<Drag> {
     let density =
         if needs_density { section.number("density") } else { section.number_or("density", 0.0) };
     if !needs_density {
-        section.refuse("density", "is of `law = \"schiller-naumann\"` or `buoyancy = true`");
+        section.refuse("density", "needs `law = \"schiller-naumann\"` or `buoyancy = true`");
     }
     let lift = if buoyancy? { gravity * -density? } else { Vec3::zeros() };
     Some(Drag { law: law?, viscosity: viscosity?, density: density?, velocity: velocity?, lift })
@@ -202,12 +212,16 @@ fn check_newcomers(section: &Section, group: &Group, around: &Around, inlets: &[
         return;
     }
     if group.who.by_inlet {
-        section.refuse("inlets", "insert particles, which stay or move on where they appear if they are held; push them, or leave them out");
+        section.refuse(
+            "inlets",
+            "insert particles, so their motion cannot be prescribed; use a force, or leave them \
+             out",
+        );
     } else if group.takes_newcomers() {
         let mixes = inlets.iter().map(|inlet| &inlet.mix).chain(around.rain.map(|rain| &rain.mix));
         if mixes.flat_map(Mix::shapes).any(|shape| group.may_have(shape)) {
-            section.fail("holds particles of shapes that rain or inlets insert, which would stay or move on where they appear; name a `region` or `ids`, \
-                 or give held particles a shape of their own");
+            section.fail("prescribes the motion of shapes that rain or inlets insert; name a `region` or `ids`, or \
+                 use a separate shape");
         }
     }
 }
@@ -217,19 +231,20 @@ fn check_newcomers(section: &Section, group: &Group, around: &Around, inlets: &[
 pub(super) fn check_speeds(root: &Section, groups: &[Group], library: &Library, dt: f64) {
     for (section, group) in root.sections("group").iter().zip(groups) {
         match &group.what {
-            What::Held(path) => {
+            GroupMotion::Held(path) => {
                 let (shifts, _) = path.course.fastest();
                 let speed = shifts.iter().map(Vec3::norm).sum::<f64>();
                 if let Some(most) = too_far(speed, Some(dt), library) {
                     section.fail(format!(
-                        "moves by up to {:.2e} m in a step, more than {} % of the shortest axis of the smallest particle; must be at most {:.2e} m/s",
+                        "moves by up to {:.2e} m per step, over {} % of the shortest particle axis; must be at most \
+                         {:.2e} m/s",
                         speed * dt,
                         100.0 * LONGEST_MOVE,
                         printed_limit(most) / dt
                     ));
                 }
             }
-            What::Pushed(push) => {
+            GroupMotion::Pushed(push) => {
                 let rate = |(shape, scale): (ShapeId, f64)| {
                     push.drag.map_or(0.0, |drag| drag.rate_at_rest(library, shape, scale))
                 };
@@ -239,7 +254,7 @@ pub(super) fn check_speeds(root: &Section, groups: &[Group], library: &Library, 
                     && let Some(given) = section.get("drag")
                 {
                     given.fail(format!(
-                        "turns velocities round in one step; the time step must be less than {:.2e} s",
+                        "reverses velocities in one step; the time step must be less than {:.2e} s",
                         printed_limit(2.0 / fastest)
                     ));
                 }

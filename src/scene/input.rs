@@ -227,7 +227,7 @@ fn put(node: &mut Node, path: &[String], new: Node) -> Result<(), String> {
             })?;
             put(&mut list[index], rest, new)
         }
-        other => Err(format!("`{key}` leads nowhere: before it stands {}", other.type_name())),
+        other => Err(format!("`{key}` does not exist: its parent is {}", other.type_name())),
     }
 }
 

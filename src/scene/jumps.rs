@@ -6,7 +6,7 @@ use super::matter::Materials;
 use super::mistakes::{Location, Mistakes};
 use super::reader::Given;
 use crate::ids::{MaterialId, ShapeId};
-use crate::law::{Beside, Body, Choice, ForceLaw, hertz};
+use crate::law::{Additions, Body, Choice, ForceLaw, hertz};
 use crate::population::Library;
 use std::collections::BTreeSet;
 
@@ -45,7 +45,7 @@ impl Forces {
                 let sticks = law.adhesion.of(a, b).surface_energy;
                 Self { sticks, ..Self::of_hertz(&law.elastic, a, b) }
             }
-            Choice::With(law, Beside { adhesion, .. }) => {
+            Choice::With(law, Additions { adhesion, .. }) => {
                 let sticks = adhesion.as_ref().map_or(0.0, |all| all.of(a, b).surface_energy);
                 Self { sticks, ..Self::of(law, a, b) }
             }
@@ -72,15 +72,15 @@ impl Forces {
         let dashpots = [0, 1].map(|k| (self.dashpots[k], before.dashpots[k]));
         let [normal, tangential] = dashpots;
         let all = [
-            times("contacts press", "hard", pressed, 1.0),
-            times("tangential springs pull", "hard", self.tangential, before.tangential),
-            times("dashpots along the normal are", "strong", normal.0, normal.1),
+            times("contacts are", "stiff", pressed, 1.0),
+            times("tangential springs are", "stiff", self.tangential, before.tangential),
+            times("normal dashpots are", "strong", normal.0, normal.1),
             times("tangential dashpots are", "strong", tangential.0, tangential.1)
                 .filter(|_| tangential != normal),
             times("surface energy is", "large", self.sticks, before.sticks),
             (self.sticks > 0.0 && before.sticks == 0.0).then(|| "contacts stick".to_owned()),
             (self.sticks == 0.0 && before.sticks > 0.0)
-                .then(|| "contacts stick no longer".to_owned()),
+                .then(|| "contacts no longer stick".to_owned()),
         ];
         all.into_iter().flatten().collect()
     }
@@ -149,7 +149,7 @@ pub(super) fn jumps(
                 let pair = if grains.contains(&a) { (a, b) } else { (b, a) };
                 let pressed = pressed_by_laws(laws, library, pair);
                 vec![format!(
-                    "another law, contacts press some {} as hard as before",
+                    "another law: contacts are some {} as stiff as before",
                     as_often(pressed)
                 )]
             } else {
@@ -166,12 +166,12 @@ pub(super) fn jumps(
         }
     }
     if more > 0 {
-        changed.push(format!("and {more} pairs of materials more"));
+        changed.push(format!("and {more} more pairs of materials"));
     }
     (!changed.is_empty()).then(|| {
         format!(
-            "contacts are not those of the snapshot, and overlaps stay: forces jump at the start. {}. Let the stage before end with these \
-             constants, or let it come to rest first",
+            "contact laws differ from those of the snapshot, so forces jump at the start. {}. End the stage before \
+             with these constants, or let it come to rest first",
             changed.join("; ")
         )
     })

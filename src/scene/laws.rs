@@ -9,7 +9,7 @@ use crate::contact::curvature::LARGEST_RATIO;
 use crate::ids::MaterialId;
 use crate::law::hertz::{self, jkr};
 use crate::law::linear::{self, damping_ratio_of_restitution};
-use crate::law::{Beside, Choice, Dashpots, Interactions, Mixing};
+use crate::law::{Additions, Choice, Dashpots, Interactions, Mixing};
 use crate::law::{dmt, rolling};
 use crate::population::Library;
 use crate::shape::{Kind as ShapeKind, Shape};
@@ -67,7 +67,7 @@ impl LargestOverlap {
 
 /// Additions to the forces that `[law]` requests.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Asked {
+pub(super) struct Requests {
     rolling: bool,
     twisting: bool,
     adhesion: Adhesion,
@@ -84,7 +84,7 @@ enum Adhesion {
     Jkr,
 }
 
-impl Asked {
+impl Requests {
     const fn turning(self) -> bool {
         self.rolling || self.twisting
     }
@@ -110,8 +110,8 @@ fn under_load(root: &Section) -> LargestOverlap {
 }
 
 /// Law requested by `[law]`.
-pub(super) fn kind(root: &Section) -> (Kind, Asked) {
-    let linear = (Kind::Linear { dashpots: Dashpots::default() }, Asked::default());
+pub(super) fn kind(root: &Section) -> (Kind, Requests) {
+    let linear = (Kind::Linear { dashpots: Dashpots::default() }, Requests::default());
     let law = root.read_or("law", linear, |given| {
         let section = given.section()?;
         let limited = section.boolean_or("limit_damping", true);
@@ -120,7 +120,7 @@ pub(super) fn kind(root: &Section) -> (Kind, Asked) {
         let is_hertz = section.read_or("normal", false, |given| given.one_of(&offered))?;
         let asked = asked(&section, is_hertz);
         // Adhesion attracts regardless of dashpots.
-        let is_jkr = asked.is_some_and(Asked::is_jkr);
+        let is_jkr = asked.is_some_and(Requests::is_jkr);
         let dashpots = Dashpots { limited: limited? && !is_jkr, foreseen: foreseen? };
         let kind = parts(&section, is_hertz, dashpots, root);
         kind.zip(asked)
@@ -129,7 +129,7 @@ pub(super) fn kind(root: &Section) -> (Kind, Asked) {
 }
 
 /// Additions to the forces.
-fn asked(section: &Section, is_hertz: bool) -> Option<Asked> {
+fn asked(section: &Section, is_hertz: bool) -> Option<Requests> {
     let spring = |key| {
         section.read_or(key, false, |given| given.one_of(&[("none", false), ("spring", true)]))
     };
@@ -138,25 +138,25 @@ fn asked(section: &Section, is_hertz: bool) -> Option<Asked> {
         let offered = [("none", Adhesion::None), ("dmt", Adhesion::Dmt), ("jkr", Adhesion::Jkr)];
         let adhesion = given.one_of(&offered)?;
         if adhesion == Adhesion::Jkr && !is_hertz {
-            given.fail("\"jkr\" is of elastic bodies and needs normal = \"hertz\"; \"dmt\" goes with linear springs");
+            given.fail("\"jkr\" needs normal = \"hertz\"; with linear springs use \"dmt\"");
         }
         Some(adhesion)
     });
-    let asked = Asked { rolling: rolling?, twisting: twisting?, adhesion: adhesion? };
+    let asked = Requests { rolling: rolling?, twisting: twisting?, adhesion: adhesion? };
     if asked.is_jkr() {
         for key in ["rolling", "twisting"] {
             if let Some(given) = section.get(key)
                 && asked.turning()
             {
                 given.fail(
-                    "does not go with adhesion = \"jkr\", whose contacts are stretched, too: its stiffness is that of a load. \
-                     Take \"none\", or adhesion = \"dmt\"",
+                    "not with adhesion = \"jkr\", as its stiffness needs a compressive load. Use \"none\", or \
+                     adhesion = \"dmt\"",
                 );
             }
         }
         section.refuse(
             "limit_damping",
-            "is not used with adhesion = \"jkr\": contacts attract, dashpots do, too",
+            "is not used with adhesion = \"jkr\", where contacts and dashpots attract",
         );
     }
     Some(asked)
@@ -169,8 +169,8 @@ fn parts(section: &Section, is_hertz: bool, dashpots: Dashpots, root: &Section) 
             let offered = [("linear", true), ("none", false), ("mindlin", false)];
             if !given.one_of(&offered)? {
                 given.fail(
-                    "linear normal springs go with \"linear\" (friction 0 leaves it out); \"none\" and \
-                     \"mindlin\" need normal = \"hertz\"",
+                    "linear normal springs need \"linear\" (friction 0 omits it); \"none\" and \"mindlin\" need \
+                     normal = \"hertz\"",
                 );
             }
             Some(())
@@ -183,8 +183,8 @@ fn parts(section: &Section, is_hertz: bool, dashpots: Dashpots, root: &Section) 
         let mindlin = given.one_of(&offered)?;
         if mindlin.is_none() {
             given.fail(
-                "the tangential stiffness of Hertzian contacts grows with their area: \"mindlin\" or \
-                 \"none\", or normal = \"linear\"",
+                "the tangential stiffness of Hertzian contacts depends on their area: use \"mindlin\" or \"none\", or \
+                 normal = \"linear\"",
             );
         }
         mindlin
@@ -199,7 +199,7 @@ fn parts(section: &Section, is_hertz: bool, dashpots: Dashpots, root: &Section) 
 fn refuse(section: &Section, keys: &[&str], normal: &str) {
     for key in keys {
         section
-            .refuse(key, &format!("is not used by this law, but by [law] normal = \"{normal}\""));
+            .refuse(key, &format!("is not used by this law, only by [law] normal = \"{normal}\""));
     }
 }
 
@@ -217,8 +217,8 @@ pub(super) fn check_shapes(root: &Section, law: &Choice, library: &Library) -> b
     if is_jkr {
         for surface in &surfaces {
             surface.fail(
-                "does not go with adhesion = \"jkr\": no contact with such a surface outlives its overlap. Take `planes`, or adhesion = \
-                 \"dmt\"",
+                "not with adhesion = \"jkr\", whose contacts attract across gaps only between spheres and planes. Use \
+                 `planes`, or adhesion = \"dmt\"",
             );
         }
     }
@@ -241,7 +241,7 @@ pub(super) fn unfit(law: &Choice, library: &Library) -> Vec<(usize, String)> {
         _ => None,
     };
     let of_adhesion = match law {
-        Choice::With(_, Beside { adhesion: Some(_), .. }) => first(&unfit_for_dmt),
+        Choice::With(_, Additions { adhesion: Some(_), .. }) => first(&unfit_for_dmt),
         Choice::Jkr(_) => first(&unfit_for_jkr),
         _ => None,
     };
@@ -253,8 +253,8 @@ fn unfit_for_hertz(shape: &Shape, name: &str, with_faces: Option<&str>) -> Optio
     let kind = shape.kind();
     if let Some(other) = with_faces.filter(|_| kind.is_smooth() && kind != ShapeKind::Sphere) {
         return Some(format!(
-            "normal = \"hertz\" goes by the curvature of `{name}`, and by none of `{other}`, whose faces or straight sides have none; \
-             no contact of both can go by it: take normal = \"linear\", or shapes of one sort, or spheres"
+            "normal = \"hertz\" uses the curvature of `{name}`, but faces or straight sides of `{other}` have none. \
+             Use normal = \"linear\", spheres, or shapes that are all smooth or all with faces"
         ));
     }
     // Some superellipsoids are ellipsoids.
@@ -264,8 +264,8 @@ fn unfit_for_hertz(shape: &Shape, name: &str, with_faces: Option<&str>) -> Optio
     };
     (is_ellipsoid && is_long(shape)).then(|| {
         format!(
-            "`{name}` is more than {:.0} times as long as it is thin: the elliptic integrals of normal = \"hertz\" are good up \
-             to that, take normal = \"linear\"",
+            "`{name}` is longer than {:.0} times its thickness, the limit of the elliptic integrals of normal = \
+             \"hertz\": use normal = \"linear\"",
             LARGEST_RATIO.sqrt()
         )
     })
@@ -274,8 +274,7 @@ fn unfit_for_hertz(shape: &Shape, name: &str, with_faces: Option<&str>) -> Optio
 fn unfit_for_dmt(shape: &Shape, name: &str) -> Option<String> {
     (shape.kind() != ShapeKind::Sphere).then(|| {
         format!(
-            "`{name}` is no sphere, and adhesion = \"dmt\" is only for spheres, as its attraction is that of a radius: \
-             take adhesion = \"none\""
+            "`{name}` is not a sphere, but adhesion = \"dmt\" needs one radius: use adhesion = \"none\""
         )
     })
 }
@@ -283,8 +282,8 @@ fn unfit_for_dmt(shape: &Shape, name: &str) -> Option<String> {
 fn unfit_for_jkr(shape: &Shape, name: &str) -> Option<String> {
     (shape.kind() != ShapeKind::Sphere).then(|| {
         format!(
-            "`{name}` is no sphere, and adhesion = \"jkr\" is only for spheres: of contacts that are ellipses there is no exact \
-             solution. Take adhesion = \"none\""
+            "`{name}` is not a sphere, but adhesion = \"jkr\" has no exact solution for elliptic contacts. Use \
+             adhesion = \"none\""
         )
     })
 }
@@ -298,7 +297,7 @@ fn is_long(shape: &Shape) -> bool {
 /// Materials, and the law with their constants; `None` if any is invalid.
 pub(super) fn materials(
     root: &Section,
-    (kind, asked): (Kind, Asked),
+    (kind, asked): (Kind, Requests),
 ) -> (Materials, Option<Choice>) {
     match kind {
         Kind::Linear { dashpots } => {
@@ -323,7 +322,11 @@ pub(super) fn materials(
 }
 
 /// Adapts the law to the stress of walls that move freely [Pa].
-pub(super) fn under_free_walls(mut law: Choice, (kind, _): (Kind, Asked), stress: f64) -> Choice {
+pub(super) fn under_free_walls(
+    mut law: Choice,
+    (kind, _): (Kind, Requests),
+    stress: f64,
+) -> Choice {
     if let (Kind::Hertz { largest_overlap, .. }, Some(settings)) = (kind, law.hertz_mut()) {
         settings.largest_overlap = largest_overlap.value(&settings.interactions, stress);
     }
@@ -333,7 +336,7 @@ pub(super) fn under_free_walls(mut law: Choice, (kind, _): (Kind, Asked), stress
 /// Materials, and the law of these constants with the requested additions.
 fn with_more<C: Mixing + Default>(
     root: &Section,
-    asked: Asked,
+    asked: Requests,
     read: impl Fn(&Section, Option<&C>) -> Option<C>,
     law: impl Fn(Interactions<C>) -> Choice,
 ) -> (Materials, Option<Choice>) {
@@ -358,7 +361,7 @@ fn with_more<C: Mixing + Default>(
             return forces;
         }
         let turning = asked.turning().then(|| all.map(|(_, (turning, _))| *turning));
-        Choice::With(Box::new(forces), Beside { turning, adhesion })
+        Choice::With(Box::new(forces), Additions { turning, adhesion })
     });
     (materials, law)
 }
@@ -367,11 +370,11 @@ fn with_more<C: Mixing + Default>(
 fn of_adhesion(
     section: &Section,
     mixed: Option<&dmt::Constants>,
-    asked: Asked,
+    asked: Requests,
 ) -> Option<dmt::Constants> {
     let mixed = mixed.copied().unwrap_or_default();
     if asked.adhesion == Adhesion::None {
-        let by = "is not used by this law, but by [law] adhesion = \"dmt\" or \"jkr\"";
+        let by = "is not used by this law, only by [law] adhesion = \"dmt\" or \"jkr\"";
         section.refuse("surface_energy", by);
         return Some(mixed);
     }
@@ -386,7 +389,7 @@ const TURNING_DAMPING_RATIO: f64 = 0.3;
 fn of_turning(
     section: &Section,
     mixed: Option<&rolling::Constants>,
-    asked: Asked,
+    asked: Requests,
 ) -> Option<rolling::Constants> {
     let mixed = mixed.copied().unwrap_or(rolling::Constants {
         damping_ratio: TURNING_DAMPING_RATIO,
@@ -394,7 +397,7 @@ fn of_turning(
     });
     let used = |key, used: bool, by: &str| {
         if !used {
-            section.refuse(key, &format!("is not used by this law, but by [law] {by}"));
+            section.refuse(key, &format!("is not used by this law, only by [law] {by}"));
         }
     };
     used("rolling_friction", asked.rolling, "rolling = \"spring\"");
@@ -426,9 +429,7 @@ fn with_constants<C: Mixing + Default>(
     let (materials, own) = Materials::read(root, |section| read(section, None));
     let count = own.len();
     if count > MOST_MATERIALS {
-        root.fail(format!(
-            "has {count} materials; must be at most {MOST_MATERIALS}, as each pair of them is looked at"
-        ));
+        root.fail(format!("has {count} materials; must be at most {MOST_MATERIALS}"));
     }
     let own: Option<Vec<C>> = own.into_iter().collect();
     let own = own.filter(|_| count <= MOST_MATERIALS);
@@ -514,14 +515,14 @@ pub(super) fn left_out<'a>(
             }
             let all: Vec<_> = all.map(|(key, silent)| lacks(key, silent)).collect();
             told.push(format!(
-                "between materials \"{one}\" and \"{other}\" {}: give it there, as 0 (`restitution` as 1) if that is meant, or in an \
-                 [[interaction]] of both",
+                "between materials \"{one}\" and \"{other}\" {}: set it there, to 0 (`restitution` to 1) if that is \
+                 intended, or in an [[interaction]] of both",
                 all.join("; ")
             ));
         }
     }
     if more > 0 {
-        told.push(format!("so it is between {more} more pairs of materials"));
+        told.push(format!("the same applies to {more} more pairs of materials"));
     }
     told
 }
@@ -529,11 +530,11 @@ pub(super) fn left_out<'a>(
 /// Effect of a key in contacts with a material that does not set it.
 fn lacks(key: &str, silent: &str) -> String {
     let what = match key {
-        "restitution" => "dashpots of `restitution` are half as strong as of the other",
-        "tangential_damping_ratio" => "`tangential_damping_ratio` is half of the other's",
+        "restitution" => "dashpots of `restitution` have half the strength of the other",
+        "tangential_damping_ratio" => "`tangential_damping_ratio` has half the value of the other",
         key => &format!("`{key}` is 0"),
     };
-    format!("{what}, as \"{silent}\" gives none")
+    format!("{what}, because \"{silent}\" has none")
 }
 
 /// The two materials of an `[[interaction]]`, the lower id first; `seen` holds those of earlier ones.
@@ -546,7 +547,7 @@ fn between(
         let [a, b] = given.list_of(|name| Some(materials.find(name)))?;
         let (a, b) = (a?.min(b?), a?.max(b?));
         if !seen.insert((a, b)) {
-            given.fail("these two have an interaction already");
+            given.fail("has an interaction already");
         }
         Some((a, b))
     })

@@ -214,7 +214,7 @@ fn geometries(
         let index = names.find(given, given.text()?)?;
         pieces.borrow_mut().insert(index);
         let Some(shape) = &singles[index] else {
-            given.fail("is a union; pieces are convex: name its pieces here");
+            given.fail("is a union, but pieces must be convex: name its pieces here");
             return None;
         };
         shape.clone()
@@ -235,7 +235,7 @@ fn has_mass(section: &Section, geometry: &Shape, density: f64, sizes: &Sizes) ->
             (mass * of_mass(scale), geometry.gyration() * mass * of_inertia(scale));
         if !(mass.is_normal() && inertia.iter().all(|i| i.is_normal())) {
             section.fail(format!(
-                "mass ({mass:e} kg) or moment of inertia leave the range of numbers"
+                "mass ({mass:e} kg) or moment of inertia are outside the range of numbers"
             ));
             return false;
         }

@@ -46,7 +46,7 @@ const LONGEST_NAME: usize = 60;
 impl fmt::Display for SceneErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let count = self.problems.len();
-        write!(f, "{count} mistake{} in the scene", if count == 1 { "" } else { "s" })?;
+        write!(f, "{count} error{} in the scene", if count == 1 { "" } else { "s" })?;
         for Problem { location, message } in self.problems.iter().take(SHOWN) {
             match location {
                 Location::File => write!(f, "\n{}: {message}", self.file)?,
@@ -137,17 +137,19 @@ const NOT_THERE: [(&str, &str, &str); 29] = [
     ("stop", "strain", REACHED),
 ];
 
-const CLUMPS: &str =
-    "instead give a [[shape]] with kind = \"union\" and its `pieces`, or a `file` of balls";
+const CLUMPS: &str = "use a [[shape]] with kind = \"union\" and its `pieces`, or a `file` of balls";
 const HELD: &str =
-    "particles are held by a [[group]] that names them, with `fixed`, a `velocity` or a `rotation`";
-const PUSHED: &str = "particles are pushed by a [[group]] that names them, with a `force`, or led with a `velocity`; a [[wall]] with a `mesh` by a \
-     [[motion]] with its `mass` and `force`";
-const DRAG: &str = "a [[group]] has the `drag` of a fluid whose velocity is given; fluids that flow by themselves are not supported";
+    "to fix particles, use a [[group]] that names them, with `fixed`, a `velocity` or a `rotation`";
+const PUSHED: &str = "to move particles, use a [[group]] that names them, with a `force` or a `velocity`; for a \
+     [[wall]] with a `mesh` use a [[motion]] with `mass` and `force`";
+const DRAG: &str = "for the drag of a fluid with prescribed velocity, use a [[group]] with `drag`; coupled fluids are \
+     not supported";
 /// Hint for a pressed or strained cell.
-pub(super) const CELL: &str = "a periodic cell is pressed and strained by [cell], with a `stress` or a `rate` of each component";
-const OF_ONE: &str = "it is of one material; say it in [[material]]";
-const REACHED: &str = "`when` ends a stage by any column of history.csv: when = [{ column = \"stress_lid_Pa\", above = 1e6 }]";
+pub(super) const CELL: &str =
+    "to strain a periodic cell, use [cell] with a `stress` or a `rate` of each component";
+const OF_ONE: &str = "belongs to one material; set it in [[material]]";
+const REACHED: &str = "to end a stage by a column of history.csv, use `when`: when = [{ column = \"stress_lid_Pa\", \
+     above = 1e6 }]";
 
 /// Hint after "no such key" or "no such choice" if an unsupported feature is requested. Empty if the suggestion has a
 /// guess.

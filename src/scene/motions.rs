@@ -6,7 +6,7 @@ use crate::cell::{AXES, Cell};
 use crate::math::Vec3;
 use crate::text::{Lines, shown};
 use crate::walls::Wall;
-use crate::walls::courses::{Course, Table, Way};
+use crate::walls::courses::{Course, Table, TimeFunction};
 use std::path::Path;
 
 /// All `[[motion]]` tables.
@@ -27,7 +27,7 @@ struct Motion<'a> {
 /// Origin of the motion.
 enum How {
     /// A function of time.
-    By(Way),
+    By(TimeFunction),
     /// Forces: on a mass [kg], along its direction, with this additional one [N].
     Freely { mass: f64, force: f64 },
 }
@@ -81,7 +81,7 @@ impl<'a> Motions<'a> {
         });
         for (given, _) in all.clone().filter(|(_, motion)| matches!(motion.how, How::Freely { .. }))
         {
-            given.fail("a motion with a `mass` is of a wall; push a group with a `force`");
+            given.fail("a motion with a `mass` is for a wall; for a group use a `force`");
         }
         let about = all.clone().find_map(|(_, motion)| match motion.kind {
             Kind::About(point, _) => Some(point),
@@ -107,7 +107,8 @@ impl<'a> Motions<'a> {
                 _ => given.fail("this wall moves freely, with a `mass`, and has another motion; leave out one of them"),
             }
             if wall.turns() {
-                given.fail("this wall has a `rotation`, and a motion with a `mass`, which cannot turn it; leave out one of them");
+                given.fail("this wall has a `rotation`, but a motion with a `mass` cannot rotate; leave out one of \
+                     them");
             }
         }
     }
@@ -153,17 +154,17 @@ fn course<'a, 'b: 'a>(
     let mut course = Course { shifts: Vec::new(), turn: None };
     let (speed, rate) = (velocity.norm(), turning.norm());
     if speed > 0.0 {
-        course.shifts.push((velocity / speed, Way::Steady(speed)));
+        course.shifts.push((velocity / speed, TimeFunction::Steady(speed)));
     }
     if rate > 0.0 {
-        course.turn = Some((turning / rate, Way::Steady(rate)));
+        course.turn = Some((turning / rate, TimeFunction::Steady(rate)));
     }
     for (given, motion) in motions {
         let How::By(way) = &motion.how else { continue };
         match motion.kind {
             Kind::Along(along) => course.shifts.push((along, way.clone())),
             Kind::About(..) if course.turn.is_some() => {
-                given.fail("turns already, by its `rotation` or another motion; a body turns about one axis");
+                given.fail("rotates already, by its `rotation` or another motion; a body rotates about one axis");
             }
             Kind::About(_, axis) => course.turn = Some((axis, way.clone())),
         }
@@ -178,7 +179,7 @@ fn named<'a>(section: &Section<'a>, key: &str) -> Option<Vec<(Given<'a>, &'a str
         for item in given.list()? {
             let name = item.text()?;
             if names.iter().any(|(_, known)| *known == name) {
-                item.fail("stands there twice");
+                item.fail("occurs twice");
             }
             names.push((item, name));
         }
@@ -189,39 +190,37 @@ fn named<'a>(section: &Section<'a>, key: &str) -> Option<Vec<(Given<'a>, &'a str
 fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Option<Motion<'a>> {
     let (walls, groups) = (named(section, "walls"), named(section, "groups"));
     if section.get("walls").is_none() && section.get("groups").is_none() {
-        section.fail("`walls` or `groups` is missing: a list of names of what moves so");
+        section.fail("`walls` or `groups` is missing: a list of names of bodies to move");
     }
     let kind = if let Some(given) = section.get("along") {
         for key in ["about", "axis"] {
-            section.refuse(
-                key,
-                "stands beside `along`; a motion goes along a direction or turns about an axis",
-            );
+            section.refuse(key, "not with `along`; a motion has a direction or an axis");
         }
         given.direction().map(Kind::Along)
     } else if section.get("about").is_some() || section.get("axis").is_some() {
         let (about, axis) = axis_of_turn(section, domain);
         about.zip(axis).map(|(about, axis)| Kind::About(about, axis))
     } else {
-        section.fail("`along` is missing: [x, y, z], the direction in which walls move; or `about` and `axis`, about which they turn");
+        section.fail("`along` is missing: [x, y, z], the direction of motion; or `about` and `axis`, the axis of \
+             rotation");
         None
     };
     let turns = section.get("along").is_none();
     let how = if let Some(given) = section.get("mass") {
         if turns {
-            given.fail("is of a motion `along` a direction");
+            given.fail("needs a motion `along` a direction");
         }
         for key in ["amplitude", "frequency", "phase", "table", "interpolation"] {
-            section.refuse(key, "stands beside `mass`; a wall moves by time or by forces");
+            section.refuse(key, "not with `mass`; a wall moves by time or by forces");
         }
         if walls.as_ref().is_some_and(|walls| walls.len() > 1) {
-            given.fail("is of one wall; give each a motion of its own, or make one wall of several `planes`");
+            given.fail("needs a single wall; give each wall its own motion, or make one wall of several `planes`");
         }
         let mass = section.number("mass");
         let force = section.number_or("force", 0.0);
         mass.zip(force).map(|(mass, force)| How::Freely { mass, force })
     } else {
-        section.refuse("force", "is of a wall with a `mass`, which forces move");
+        section.refuse("force", "needs a wall with a `mass`");
         let column = if turns { ("angle_deg", 1f64.to_radians()) } else { ("displacement_m", 1.0) };
         way(section, column, folder).map(How::By)
     };
@@ -229,18 +228,18 @@ fn motion<'a>(section: &Section<'a>, domain: Option<&Cell>, folder: &Path) -> Op
 }
 
 /// An oscillation or a table, with values of this column, times a factor.
-pub(super) fn way(section: &Section, column: (&str, f64), folder: &Path) -> Option<Way> {
+pub(super) fn way(section: &Section, column: (&str, f64), folder: &Path) -> Option<TimeFunction> {
     if section.get("table").is_some() {
         for key in ["amplitude", "frequency", "phase"] {
-            section.refuse(key, "stands beside `table`; a motion is an oscillation or a table");
+            section.refuse(key, "not with `table`; a motion is an oscillation or a table");
         }
-        return table(section, folder, column).map(Way::Table);
+        return table(section, folder, column).map(TimeFunction::Table);
     }
-    section.refuse("interpolation", "is of a `table`");
+    section.refuse("interpolation", "needs a `table`");
     let amplitude = section.number("amplitude");
     let frequency = section.number("frequency");
     let phase = section.number_or("phase", 0.0);
-    Some(Way::Oscillation {
+    Some(TimeFunction::Oscillation {
         amplitude: amplitude? * column.1,
         frequency: frequency?,
         phase: phase?.to_radians(),
@@ -298,23 +297,24 @@ fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
         });
         match numbers.collect::<Result<Vec<_>, _>>() {
             Err(what) => mistakes.push(what),
-            Ok(numbers) => {
-                match (&*numbers, rows.last()) {
-                    (&[time, _], None) if time != 0.0 => {
-                        mistakes.push(format!("line {line}: the first time must be 0, when the stage begins, not {time:?}"));
-                        rows.push((time, 0.0));
-                    }
-                    (&[time, _], Some((before, _))) if time <= *before => mistakes.push(format!(
-                        "line {line}: time {time:?} does not come after {before:?}; times must rise"
-                    )),
-                    (&[time, value], _) => rows.push((time, value)),
-                    _ => mistakes.push(format!("line {line} has {} numbers, not 2", numbers.len())),
+            Ok(numbers) => match (&*numbers, rows.last()) {
+                (&[time, _], None) if time != 0.0 => {
+                    mistakes.push(format!(
+                        "line {line}: the first time must be 0, the start of the stage, not \
+                             {time:?}"
+                    ));
+                    rows.push((time, 0.0));
                 }
-            }
+                (&[time, _], Some((before, _))) if time <= *before => mistakes.push(format!(
+                    "line {line}: time {time:?} is not after {before:?}; times must increase"
+                )),
+                (&[time, value], _) => rows.push((time, value)),
+                _ => mistakes.push(format!("line {line} has {} numbers, not 2", numbers.len())),
+            },
         }
     }
     if mistakes.is_empty() && rows.len() < 2 {
-        mistakes.push("must have two rows at least".to_owned());
+        mistakes.push("must have at least two rows".to_owned());
     }
     if mistakes.is_empty() {
         return Ok(rows);

@@ -50,7 +50,7 @@ pub enum PairError {
     Contact(String),
     /// Contacts of this law do not outlive their overlap.
     #[error(
-        "contacts of this law end where their overlap does: only those of adhesion = \"jkr\" hold on across a gap"
+        "contacts of this law end with their overlap: only adhesion = \"jkr\" acts across a gap"
     )]
     NothingHolds,
 }

@@ -56,7 +56,7 @@ pub(super) fn read(
     input::apply_all(&mut root, overrides, mistakes);
     remove(&mut root, "like");
     if let Some(given) = given(&root, "include", mistakes) {
-        given.fail("is of a file, not of an override");
+        given.fail("must be in a file, not an override");
     }
     let own = folder_of(&root, mistakes);
     let beside = own.clone().unwrap_or_else(|| folder.to_owned());
@@ -132,13 +132,15 @@ impl Files<'_> {
         let name = path.display().to_string();
         self.count += 1;
         if self.open.len() > DEEPEST || self.count > MOST_FILES {
-            given.fail(format!("is too much: a scene has at most {MOST_FILES} files, and {DEEPEST} one within the other"));
+            given.fail(format!(
+                "exceeds the limit: a scene has at most {MOST_FILES} files, nested {DEEPEST} deep"
+            ));
             return None;
         }
         let is_open = |(_, open): &(String, PathBuf)| is_one_file(open, &path);
         if let Some(first) = self.open.iter().position(is_open) {
             let circle: Vec<&str> = self.open[first..].iter().map(|(name, _)| &**name).collect();
-            given.fail(format!("goes in a circle: {} includes {name}", circle.join(" includes ")));
+            given.fail(format!("is circular: {} includes {name}", circle.join(" includes ")));
             return None;
         }
         let text =
@@ -272,7 +274,7 @@ fn like(
     }
     let start = given(&changed, "start", mistakes);
     let Some(start) = start else {
-        like.fail("there is no `start`: the snapshot whose scene is meant");
+        like.fail("needs `start`, the snapshot with the scene to use");
         return None;
     };
     let snapshot = match need {

@@ -44,13 +44,13 @@ pub(super) fn union(
     let pieces = match ["pieces", "file", "files"].map(|key| section.get(key)) {
         [Some(pieces), None, None] if pieces.as_number().is_none() => {
             for of_files in ["scale", "tolerance"] {
-                section.refuse(of_files, "is of a `file`");
+                section.refuse(of_files, "needs a `file`");
             }
             let all: Vec<_> = pieces.list()?.iter().map(|given| piece(given, &find)).collect();
             all.into_iter().collect::<Option<Vec<Piece>>>()?
         }
         [Some(count), Some(file), None] => {
-            let wanted = Wanted { count: count.whole()? as u32, tolerance: tolerance? };
+            let wanted = CutSettings { count: count.whole()? as u32, tolerance: tolerance? };
             let name = section.get("name");
             let kept = || name.as_ref().and_then(Given::text).and_then(&kept);
             return cut(&file, &folder.join(file.text()?), scale?, &wanted, kept);
@@ -59,8 +59,9 @@ pub(super) fn union(
         [None, None, Some(files)] => of_files(&files.list()?, section, folder, scale?)?,
         _ => {
             section.fail(
-                "give `pieces` = [{ shape = \"...\", at = [x, y, z] }, ...], or `file`: an OBJ of convex groups, balls as lines x y z r, or a \
-                 closed mesh with the number of `pieces` into which it is cut; or `files`",
+                "give `pieces` = [{ shape = \"...\", at = [x, y, z] }, ...], or `file`, or `files`. A file is an OBJ \
+                 of convex groups, a list of balls (x y z r), or, with a number of `pieces`, a closed mesh to \
+                 decompose",
             );
             return None;
         }
@@ -88,7 +89,7 @@ fn placed(shape: Shape, at: &Vec3, turn: &Quat) -> Piece {
 
 /// Pieces from files.
 fn of_files(all: &[Given], section: &Section, folder: &Path, scale: f64) -> Option<Vec<Piece>> {
-    section.refuse("tolerance", "is of a mesh that is cut into `pieces`");
+    section.refuse("tolerance", "needs a mesh with a number of `pieces`");
     let mut pieces = Vec::new();
     for given in all {
         let path = folder.join(given.text()?);
@@ -108,7 +109,7 @@ fn groups(path: &Path, scale: f64) -> Result<Vec<Piece>, String> {
             .and_then(|corners| Polyhedron::new(&corners).map_err(MeshError::from));
         let told = |error: MeshError| match (count, error) {
             (1, error @ (MeshError::Dented { .. } | MeshError::Open { .. })) => {
-                format!("{error}; or cut it: give the number of `pieces`, as pieces = 16")
+                format!("{error}; or decompose it with a number of `pieces`, as pieces = 16")
             }
             (1, error) => error.to_string(),
             (_, error) => format!("group {}: {error}", text::shown(&name)),
@@ -139,7 +140,7 @@ fn balls(path: &Path, scale: f64) -> Result<Vec<Piece>, String> {
             [None, ..] if pieces.is_empty() => {}
             _ => {
                 return Err(format!(
-                    "line {number}: `{}` is no ball: centre and radius are needed, x y z r, r greater than 0",
+                    "line {number}: `{}` is not a ball: write centre and radius, x y z r, with r greater than 0",
                     text::shown(line.trim())
                 ));
             }
@@ -161,14 +162,14 @@ pub(super) fn cut_by() -> String {
 }
 
 /// Settings of the cut of a mesh.
-struct Wanted {
+struct CutSettings {
     /// Largest number of pieces.
     count: u32,
     /// Largest distance of the pieces from the mesh, over the radius of the body.
     tolerance: f64,
 }
 
-impl Wanted {
+impl CutSettings {
     fn is_near(&self, body: &Union) -> bool {
         body.far() <= self.tolerance * body.bounding_radius()
     }
@@ -186,7 +187,7 @@ fn cut(
     given: &Given,
     path: &Path,
     scale: f64,
-    wanted: &Wanted,
+    wanted: &CutSettings,
     kept: impl Fn() -> Option<Union>,
 ) -> Option<Shape> {
     let mut triangles = mesh::triangles(path).map_err(|error| given.fail(error)).ok()?;
@@ -195,14 +196,15 @@ fn cut(
     if let Some(open) = mesh::open_edge(&faces) {
         let at = corners[open as usize];
         given.fail(format!(
-            "is not closed: an edge at ({:e}, {:e}, {:e}) m has no triangle on its other side; close its holes, and let all triangles face outwards",
+            "is not closed: an edge at ({:e}, {:e}, {:e}) m has only one triangle; close its holes, and orient all \
+             triangles outwards",
             at.x, at.y, at.z
         ));
         return None;
     }
     let moments = Moments::of_surface(&triangles);
     if moments.volume() <= 0.0 {
-        given.fail("holds no volume: let its triangles face outwards");
+        given.fail("has no positive volume: orient its triangles outwards");
         return None;
     }
     let principal = moments.principal();
@@ -214,8 +216,8 @@ fn cut(
     if !wanted.is_near(&body) {
         let (size, far) = (body.bounding_radius(), body.far());
         given.fail(format!(
-            "{} pieces are up to {far:.3e} m ({:.1} % of its radius) from the mesh, more than `tolerance` = {}: take more `pieces`, or \
-             another tolerance",
+            "{} pieces are up to {far:.3e} m ({:.1} % of its radius) from the mesh, more than `tolerance` = {}: use \
+             more `pieces`, or another tolerance",
             body.pieces().len(),
             100.0 * far / size,
             wanted.tolerance
@@ -283,7 +285,7 @@ fn joined(bodies: Vec<Polyhedron>, count: usize) -> Result<Vec<Polyhedron>, Stri
         known = bodies.len();
         let least = common.iter().min_by(|(_, (a, _)), (_, (b, _))| a.total_cmp(b));
         let Some((&pair, _)) = least else {
-            return Err(format!("{left} of its parts do not touch: take as many `pieces`"));
+            return Err(format!("{left} of its parts do not touch: use as many `pieces`"));
         };
         bodies.push(common.remove(&pair).map(|(_, hull)| hull));
         for k in pair {

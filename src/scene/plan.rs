@@ -55,8 +55,8 @@ pub fn fits(scene: &Scene, ranks: u32, memory: f64) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "fill: {count} particles need at least {} on each rank, and a machine has {}; take fewer, a wider `spacing`, a smaller domain, or more \
-         machines",
+        "fill: {count} particles need at least {} on each rank, and a machine has {}; use fewer particles, a wider \
+         `spacing`, a smaller domain, or more machines",
         size(needed),
         size(memory)
     ))
@@ -110,9 +110,9 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         if let Some(Within { region, places, free }) = &rain.within {
             let words = region.words();
             let free = if rain.per_layer() > LOOKED_AT {
-                format!("{places} cells in a layer, too many to look at")
+                format!("{places} cells in a layer, too many to check")
             } else {
-                format!("of {places} places walls leave {free}, about")
+                format!("about {free} of {places} places are clear of walls")
             };
             page.line("", format!("{words}: {free}"));
         }
@@ -122,7 +122,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         shares(scene, &inlet.mix, page);
     }
     for outlet in &scene.outlets {
-        let every = format!("looked at every {} steps", outlet.every);
+        let every = format!("checked every {} steps", outlet.every);
         page.line("outlet", format!("{}: {}, {every}", outlet.name, outlet.region.words()));
     }
     groups(scene, page);
@@ -137,7 +137,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         page.line("constants", format!("{a}-{b}: {words}"));
     }
     if pairs.len() > SHOWN {
-        page.line("", format!("and of {} more pairs of materials", pairs.len() - SHOWN));
+        page.line("", format!("and {} more pairs of materials", pairs.len() - SHOWN));
     }
     for limit in law.about().limits() {
         page.line("bounds", limit);
@@ -162,7 +162,7 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     if scene.audit.every > 0 {
         page.line("audit", scene.audit.words());
         if !scene.library.pieces.is_empty() {
-            page.line("", "contacts of unions are left out of it");
+            page.line("", "without contacts of unions");
         }
     }
     let needs = scene.needs();
@@ -170,9 +170,9 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
         (true, "position, velocity, force"),
         (needs.spin, "angular velocity, torque"),
         (needs.orientation, "orientation, angular momentum"),
-        (needs.image, "counts of periods"),
+        (needs.image, "period counts"),
         (needs.scale, "scales"),
-        (needs.ahead, "gains of velocities ahead"),
+        (needs.ahead, "predicted velocity increments"),
     ];
     let columns: Vec<&str> =
         columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();
@@ -244,8 +244,8 @@ fn shapes(scene: &Scene, page: &mut Page) {
             page.line(
                 "",
                 format!(
-                    "its centre lies at [{x:.4e}, {y:.4e}, {z:.4e}] m of its file, its axes turned \
-                     by the quaternion [{:.6}, {:.6}, {:.6}, {:.6}]",
+                    "its centre is at [{x:.4e}, {y:.4e}, {z:.4e}] m in its file, its axes are rotated by the \
+                     quaternion [{:.6}, {:.6}, {:.6}, {:.6}]",
                     q.w, q.i, q.j, q.k
                 ),
             );
@@ -262,7 +262,8 @@ pub(super) fn pieces_of(body: &Union) -> String {
     let volume = body.volume();
     if body.far() > 0.0 {
         return format!(
-            "{count} pieces stand for a mesh of {volume:.4e} m3: their volume is {:+.2} % of it, and they are up to {:.3e} m from it ({})",
+            "{count} pieces approximate a mesh of {volume:.4e} m3: volume error {:+.2} %, distance up to {:.3e} m \
+             ({})",
             100.0 * error,
             body.far(),
             pieces::cut_by()
@@ -310,7 +311,9 @@ fn walls(scene: &Scene, page: &mut Page) {
         if seconds >= 1.0 {
             page.line(
                 "",
-                format!("{cells} cells behind them are made at each start, in some {seconds:.0} s"),
+                format!(
+                    "{cells} cells behind them are built at each start, in about {seconds:.0} s"
+                ),
             );
         }
         if let Some((low, high)) = wall.extent() {
@@ -320,8 +323,14 @@ fn walls(scene: &Scene, page: &mut Page) {
         }
     }
     if let Some(Shear { along, across, rate, .. }) = scene.domain.shear() {
-        let axes = format!("along {}, faster the farther up {}", AXES[along], AXES[across]);
-        page.line("images slide", format!("{axes}: {rate} 1/s; at the faces bodies change velocity, and each contact looks for it"));
+        let axes = format!("along {}, velocity increases with {}", AXES[along], AXES[across]);
+        page.line(
+            "images slide",
+            format!(
+                "{axes}: {rate} 1/s; velocities change at the faces, and each contact \
+             checks this"
+            ),
+        );
     }
     if let Some(control) = &scene.cell {
         page.line("cell", element::words(control));
@@ -343,8 +352,7 @@ fn steered(scene: &Scene, servo: &Servo) -> String {
     let over = match servo.goal {
         Goal::Stress(_) => {
             let area = servo.area(&scene.walls, &scene.domain);
-            let place =
-                if scene.start.is_some() { " if walls stand where the scene says" } else { "" };
+            let place = if scene.start.is_some() { " if walls are as in the scene" } else { "" };
             format!(", over {area:.4e} m2{place}")
         }
         Goal::Force { .. } => String::new(),
@@ -365,7 +373,7 @@ fn motion(wall: &Wall) -> Option<String> {
     let (v, w) = (&wall.velocity, &wall.angular_velocity);
     let shift = (*v != Vec3::zeros()).then(|| format!("velocity {} m/s", at(v)));
     let turn = (*w != Vec3::zeros())
-        .then(|| format!("turns with {} rad/s about {} m", at(w), at(&wall.point)));
+        .then(|| format!("rotates at {} rad/s about {} m", at(w), at(&wall.point)));
     let parts: Vec<String> = shift.into_iter().chain(turn).collect();
     (!parts.is_empty()).then(|| parts.join(", "))
 }
@@ -399,10 +407,11 @@ const FACETS: &str = "faces, edges, corners";
 fn resolver(scene: &Scene, a: Kind, b: Kind) -> &'static str {
     match (a, b, scene.method) {
         (_, _, method) if method.is_by_thickness((a, b)) && a.has_side() => {
-            "thickness along straight sides; of the normal stiffness sides that lie flat have all, crossing ones 0.69, round ends half"
+            "thickness along straight sides; share of the normal stiffness: parallel sides 1, crossing sides 0.69, \
+             round ends 0.5"
         }
         (_, _, method) if method.is_by_thickness((a, b)) => {
-            "thickness of what they share; of the normal stiffness faces have all, edges half, the corner of a box 0.3, the tip of \
+            "thickness of the overlap; share of the normal stiffness: faces 1, edges 0.5, corner of a box 0.3, tip of \
              a regular tetrahedron 0.15"
         }
         (Kind::Sphere, Kind::Sphere, _) | (_, Kind::HalfSpace, _) => "closed form",
@@ -427,14 +436,14 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
     let not_saved: Vec<&str> = not_saved.map(|column| column.name).collect();
     let reasons = [
         (!needs.orientation, "no orientation: all shapes are spheres".to_owned()),
-        (!needs.spin, "no rotation: spheres without friction feel no moment".to_owned()),
+        (!needs.spin, "no rotation: spheres without friction have no moment".to_owned()),
         (!needs.velocity, "no velocities of ghosts: no friction, no dashpots".to_owned()),
-        (!needs.image, "no counts of periods: no axis is periodic".to_owned()),
-        (could_slide && !scene.domain.moves(), "no images that slide: no domain.shear".to_owned()),
+        (!needs.image, "no period counts: no axis is periodic".to_owned()),
+        (could_slide && !scene.domain.moves(), "no sliding images: no domain.shear".to_owned()),
         (!needs.scale, "no scales: all particles are as large as their shapes".to_owned()),
         (scene.global_damping == 0.0, "no global damping".to_owned()),
         (scene.gravity == Vec3::zeros(), "no gravity".to_owned()),
-        (scene.stop == Stop::default(), "no stop criterion: all steps are taken".to_owned()),
+        (scene.stop == Stop::default(), "no stop criterion: the stage runs all steps".to_owned()),
         (scene.audit.every == 0, "no audit of contacts: audit.every = 0".to_owned()),
         (
             scene.servos.is_empty()
@@ -446,7 +455,7 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
             scene.rain.is_none() && scene.inlets.is_empty(),
             "no insertion: no rain, no inlet".to_owned(),
         ),
-        (!scene.walls.iter().any(Wall::may_work), "no work of walls: none moves".to_owned()),
+        (!scene.walls.iter().any(Wall::may_work), "no work of walls: no moving walls".to_owned()),
         (!not_saved.is_empty(), format!("not in snapshots: {}", not_saved.join(", "))),
         (!open.is_empty(), format!("no walls on these sides of the domain: {}", open.join(", "))),
     ];
@@ -497,7 +506,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     page.line("halo width", format!("{reach:.4e} m, largest bounding diameter and skin{gap}"));
     let ranks_seen = format!("({ranks} rank{})", if ranks == 1 { "" } else { "s" });
     if count == 0 || scene.start.is_some() {
-        page.line("particles", format!("known when the start snapshot is read {ranks_seen}"));
+        page.line("particles", format!("unknown until the start snapshot is read {ranks_seen}"));
         return;
     }
     let share = Share::estimate(scene, ranks, reach);
@@ -547,7 +556,7 @@ fn time(scene: &Scene, page: &mut Page) {
             ),
         );
         if scene.dt > limit.dt {
-            page.line("", "OVER THE LIMIT: the run may blow up");
+            page.line("", "OVER THE LIMIT: the run may be unstable");
         }
     }
     for doubt in doubts(scene) {

@@ -34,7 +34,7 @@ pub(super) fn region(section: &Section, is_outlet: bool) -> Option<Region> {
         ([None, None], [None, None], Some((ends, given)), Some(radius)) => {
             let (axis, radius) = (ends?, radius?);
             if axis[0] == axis[1] {
-                given.fail("both ends are one point; a flat one is still a little long");
+                given.fail("both ends are the same point; also a flat region needs a small length");
                 return None;
             }
             Some(Region::Cylinder { axis, radius })

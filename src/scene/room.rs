@@ -60,15 +60,16 @@ impl Room<'_> {
         };
         let problem = if !fits(&[]) {
             Some(format!(
-                "the largest particle, with a bounding radius of {largest:.4e} m, finds no place in the {} cells of a layer: give the region a larger \
-                 `radius` or a longer `axis`, or the layer a `spacing` that is as wide as the region",
+                "the largest particle, with a bounding radius of {largest:.4e} m, fits in none of the {} cells of a \
+                 layer. Give the region a larger `radius` or a longer `axis`, or the layer a `spacing` as wide as the \
+                 region",
                 rain.per_layer()
             ))
         } else if !self.has_start && !fits(&still) {
             let wall = in_the_way(&region, largest, &still, self.cell).unwrap_or_default();
             Some(format!(
-                "none of the {places} places of a layer is clear of the walls for the largest particle, most often of `{wall}`; give it another \
-                 region by `low` and `high`, or `axis` and `radius`"
+                "walls leave none of the {places} places of a layer free for the largest particle, most often \
+                 `{wall}`; give another region by `low` and `high`, or `axis` and `radius`"
             ))
         } else {
             None
@@ -107,9 +108,9 @@ impl Room<'_> {
             }
             let wall = in_the_way(&inlet.region, radius, &still, self.cell).unwrap_or_default();
             section.fail(format!(
-                "the largest particle finds no place: at each of {PLACES}, with its bounding radius of {radius:.4e} m, it would meet a wall or \
-                 be behind it, most often `{wall}`, and all others would wait behind it. Move the region to where particles may be, make it \
-                 wider, or the particles smaller"
+                "none of {PLACES} places is free for the largest particle, with a bounding radius of {radius:.4e} m, \
+                 because of walls, most often `{wall}`. It would block all others: move the region, make it wider, or \
+                 the particles smaller"
             ));
         }
     }
@@ -138,8 +139,8 @@ impl Room<'_> {
                 && let Some(given) = section.get(key)
             {
                 given.fail(format!(
-                    "so much has at least {:.3e} m3, the domain has {room:.3e} m3 and no [[outlet]]; it holds less than {:.3e}{unit}. Leave \
-                     `{key}` out if the steps are to end it",
+                    "needs a volume of {:.3e} m3, but the domain has {room:.3e} m3 and no [[outlet]], so it holds \
+                     less than {:.3e}{unit}. Leave `{key}` out if the steps end it",
                     most * of_one,
                     room / of_one
                 ));

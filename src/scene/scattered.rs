@@ -168,9 +168,9 @@ fn place(balls: &Balls, [low, high]: [Vec3; 2], radius: f64, random: &mut Random
 /// Error for a region without further room.
 fn full(placed: usize, mix: &Mix) -> String {
     let several =
-        if mix.shapes().count() > 1 { ", larger shapes in a fill before smaller ones" } else { "" };
+        if mix.shapes().count() > 1 { ", fill with larger shapes before smaller ones" } else { "" };
     format!(
-        "no place is left after {placed} particles, whose bounding balls must not touch: take fewer{several}, or a larger box that is \
-         pressed together later"
+        "no place is left after {placed} particles, whose bounding balls must not touch: use fewer{several}, or use a \
+         larger box that is compressed later"
     )
 }

@@ -7,7 +7,7 @@ use crate::population::sizes::{By, Distribution, Law, Sizes};
 const TWO: &str = "a list of two numbers greater than 0: the smallest scale and the largest";
 /// Allowed values of `table`.
 const ROWS: &str =
-    "a list of two or more [scale, share that is smaller], both rising, shares from 0 to 1";
+    "a list of two or more [scale, smaller share], both increasing, shares from 0 to 1";
 
 /// Distribution of sizes: scales of all lengths of the shape.
 pub(super) fn sizes(given: &Given) -> Option<Sizes> {
@@ -40,7 +40,7 @@ pub(super) fn sizes(given: &Given) -> Option<Sizes> {
     let limits = match (own_limits, given_limits) {
         (Some(own), None) => own,
         (Some(_), Some(_)) => {
-            limits?.fail("`uniform` and `table` have limits of their own");
+            limits?.fail("`uniform` and `table` have their own limits");
             return None;
         }
         (None, Some(limits)) => limits?,
@@ -58,7 +58,8 @@ pub(super) fn sizes(given: &Given) -> Option<Sizes> {
     if distribution.is_none() {
         let least = Distribution::LEAST_INSIDE;
         section.fail(format!(
-            "between the limits {:?} and {:?} is a share of {inside:.1e} of this law, less than {least:e}: move them, or the law",
+            "the limits {:?} and {:?} contain a share of {inside:.1e} of this distribution, less than {least:e}: \
+             change the limits, or the distribution",
             limits[0], limits[1]
         ));
     }

@@ -29,8 +29,8 @@ pub(super) const LONGEST_MOVE: f64 = 0.05;
 fn too_fast(speed: f64, dt: Option<f64>, library: &Library) -> Option<String> {
     let most = too_far(speed, dt, library)?;
     Some(format!(
-        "({speed:?} m/s) moves a wall by {:.2e} m in a step, more than {} % of the shortest axis of \
-         the smallest grain; must be at most {:.2e} m/s",
+        "({speed:?} m/s) moves a wall by {:.2e} m per step, over {} % of the shortest particle axis; must be at most \
+         {:.2e} m/s",
         speed * dt?,
         100.0 * LONGEST_MOVE,
         printed_limit(most) / dt?
@@ -119,7 +119,7 @@ impl<'a> Walls<'a> {
     fn read_sides(&mut self, section: &Section, domain: Option<&Cell>, materials: &Materials) {
         let Some(given) = section.get("walls") else {
             if let Some(material) = section.get("wall_material") {
-                material.fail("there are no `walls` in [domain] for it");
+                material.fail("needs `walls` in [domain]");
             }
             return;
         };
@@ -136,7 +136,7 @@ impl<'a> Walls<'a> {
             self.all.push(side.zip(domain).and_then(|(name, domain)| {
                 let face = domain.faces().into_iter().find(|face| face.name == name)?;
                 if face.repeats {
-                    item.fail(format!("{} is periodic, it has no walls", AXES[face.axis]));
+                    item.fail(format!("{} is periodic, so it has no walls", AXES[face.axis]));
                 }
                 let wall = Wall::plane(name.to_owned(), face.point, face.normal);
                 Some(Planned { wall, material: material?, has_servo: false })
@@ -193,8 +193,8 @@ impl<'a> Walls<'a> {
             let both = wall.way(1.0, &room);
             if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
                 given.fail(format!(
-                    "({rate:?} rad/s) moves the wall by up to {:.2e} m in a step within the domain, more than {} % of the \
-                     shortest axis of the smallest grain; `rate` must be at most {:.2e} rad/s",
+                    "({rate:?} rad/s) moves the wall by up to {:.2e} m per step within the domain, over {} % of the \
+                     shortest particle axis; `rate` must be at most {:.2e} rad/s",
                     speed * dt,
                     100.0 * LONGEST_MOVE,
                     printed_limit(rate) * most / (speed * dt)
@@ -203,8 +203,8 @@ impl<'a> Walls<'a> {
                 && too_far(wall.speed_inwards().abs(), Some(dt), library).is_none()
             {
                 given.fail(format!(
-                    "with `velocity` it moves the wall by up to {:.2e} m in a step within the domain, more than {} % of the shortest axis of \
-                     the smallest grain; both must be slower by a factor {:.2e}, or `step` shorter",
+                    "with `velocity` it moves the wall by up to {:.2e} m per step within the domain, over {} % of the \
+                     shortest particle axis; reduce both by a factor {:.2e}, or `step`",
                     both * dt,
                     100.0 * LONGEST_MOVE,
                     slower_by(both * dt, most)
@@ -244,8 +244,8 @@ impl<'a> Walls<'a> {
             speed += wall.way(1.0, &room);
             if let (Some(dt), Some(most)) = (dt, too_far(speed, dt, library)) {
                 given.fail(format!(
-                    "moves by up to {:.2e} m in a step towards or from grains within the domain, more than {} % of the \
-                     shortest axis of the smallest grain; motions must be slower by a factor {:.2e}, or `step` shorter",
+                    "moves by up to {:.2e} m per step along its normal within the domain, over {} % of the shortest \
+                     particle axis; reduce motions by a factor {:.2e}, or `step`",
                     speed * dt,
                     100.0 * LONGEST_MOVE,
                     slower_by(speed * dt, most)
@@ -296,8 +296,8 @@ impl<'a> Walls<'a> {
             }
             if key != "mesh" && !faces.is_empty() {
                 given.fail(format!(
-                    "meets {faces}: cylinders and cones have no contacts with grains that have faces; make the wall a `mesh`, as \
-                     `run/revolve` writes it, or of planes"
+                    "is in a scene with {faces}: cylinders and cones have no contacts with particles that have faces. \
+                     Use a `mesh`, as `run/revolve` writes it, or planes"
                 ));
                 continue;
             }
@@ -305,8 +305,8 @@ impl<'a> Walls<'a> {
             let pair = (Kind::Polyhedron, Kind::TriangleMesh);
             if !method.is_by_thickness(pair) {
                 given.fail(format!(
-                    "meets {extended}, and such walls have contacts with grains that have faces or straight sides by the method \"auto\" \
-                     only, not by \"{}\"",
+                    "is in a scene with {extended}: its contacts with particles that have faces or straight sides \
+                     need the method \"auto\", not \"{}\"",
                     method.name()
                 ));
                 continue;
@@ -317,7 +317,7 @@ impl<'a> Walls<'a> {
             let wall = self.all.get_mut(planned).and_then(Option::as_mut);
             if let Some(Err(error)) = wall.map(|planned| planned.wall.add_cells(farthest)) {
                 given.fail(format!(
-                    "{error}; grains with faces ({faces}) need a surface with two sides"
+                    "{error}; particles with faces ({faces}) need a surface with two sides"
                 ));
             }
         }
@@ -396,7 +396,7 @@ fn planned(
     } else if section.get("planes").is_some() {
         for key in ["point", "normal"] {
             if let Some(given) = section.get(key) {
-                given.fail("stands beside `planes`; write it as one of them");
+                given.fail("not with `planes`; write it as one of them");
             }
         }
         let planes = section.sections("planes");
@@ -423,7 +423,7 @@ fn planned(
         && surface_velocity != Vec3::zeros()
         && planes.iter().all(|(_, normal)| is_across(&surface_velocity, normal))
     {
-        given.fail("goes nowhere along the plane: a surface moves along itself; a wall moves by its `velocity`");
+        given.fail("has no component in the plane: a surface moves in its own plane; for other motion use `velocity`");
     }
     if let Some(surface) = surface {
         let surface = surface?;
@@ -513,7 +513,7 @@ fn surface<'a>(
         ["point", "normal", "planes"].into_iter().chain(SURFACES).filter(|other| *other != key)
     {
         if let Some(other) = section.get(other) {
-            other.fail(format!("stands beside `{key}`; a wall has one surface"));
+            other.fail(format!("not with `{key}`; a wall has one surface"));
         }
     }
     if key == "mesh" {
@@ -521,7 +521,7 @@ fn surface<'a>(
             .map(|of_file| Surface::Triangles(given, of_file));
     }
     for of_files in ["scale", "turn", "shift", "weld", "smooth"] {
-        section.refuse(of_files, "is of a `mesh`");
+        section.refuse(of_files, "needs a `mesh`");
     }
     of_revolution(given, key == "cone")
 }
@@ -537,11 +537,11 @@ fn of_revolution(given: Given, is_cone: bool) -> Option<Surface> {
     };
     let (from, to, radii) = (from?, to?, radii?);
     if from == to {
-        given.fail("`from` and `to` are the same point; they are the ends of its axis");
+        given.fail("`from` and `to`, the ends of its axis, are the same point");
         return None;
     }
     if radii == [0.0; 2] {
-        given.fail("has no radius at either end");
+        given.fail("needs a radius at one end");
         return None;
     }
     Some(Surface::OfRevolution { given, from, to, radii })
@@ -575,8 +575,8 @@ fn add_images(
             places().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
         if from < low - near || to > high + near {
             given.fail(format!(
-                "reaches from {from:e} to {to:e} m along {}, beyond the period from {low:e} to {high:e} m: cut it there, so that what ends on one side \
-                 goes on from the other",
+                "reaches from {from:e} to {to:e} m along {}, beyond the period from {low:e} to {high:e} m: cut it \
+                 there, so that its ends match across the period",
                 AXES[axis]
             ));
             continue;
@@ -636,8 +636,8 @@ fn beyond_ends(
     let is_alone = domain.repeating_axes().count() == 1;
     if radii[0] != radii[1] || !goes_through || !is_alone {
         given.fail(format!(
-            "the domain is periodic along {}: a cylinder must go through this period, from {low:e} to {high:e} m along it, and no other axis may be \
-             periodic; a cone cannot be there. A `mesh` can",
+            "the domain is periodic along {}: a cylinder must span this period, from {low:e} to {high:e} m, and no \
+             other axis may be periodic; cones are not possible. Use a `mesh`",
             AXES[axis]
         ));
     }
@@ -648,7 +648,7 @@ fn beyond_ends(
 fn stays_in_period(given: &Given, along: &Vec3, domain: Option<&Cell>) {
     if let Some(axis) = domain.and_then(|domain| domain.repeats_along(along)) {
         given.fail(format!(
-            "must be 0 along {}, which is periodic: a wall that is not of planes cannot leave the period",
+            "must be 0 along {}, which is periodic: only walls of planes can leave the period",
             AXES[axis]
         ));
     }
@@ -680,7 +680,7 @@ fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangle
     let path = folder.join(given.text()?);
     let corners = mesh::triangles(&path).map_err(|error| given.fail(error)).ok()?;
     if let Some(lost) = mesh::lost_digits(&path, &corners) {
-        given.warn(format!("{lost}, and bring the wall back by `shift`"));
+        given.warn(format!("{lost}, and shift the wall by `shift`"));
     }
     let (scale, turn) = (scale?, turn?);
     let placed = |corner: Vec3| {
@@ -703,8 +703,8 @@ fn triangles(given: &Given, section: &Section, folder: &Path) -> Option<Triangle
         let side = median_side(&corners);
         if weld > WIDEST_WELD * side {
             given.fail(format!(
-                "must be far less than the sides of the triangles, or corners that belong apart become one: at most {:e} m, a tenth of their \
-                 median",
+                "must be far less than the sides of the triangles, or separate corners merge: at most {:e} m, a tenth \
+                 of their median",
                 printed_limit(WIDEST_WELD * side)
             ));
         }

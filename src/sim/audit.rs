@@ -17,7 +17,7 @@ use crate::comm::{Comm, wire};
 use crate::contact::{Converged, Geometry, Outcome, Pair, Touch, ordered};
 use crate::math::{ExactSum, larger_number};
 use crate::measure::shortest_axis;
-use crate::output::report::audit::{Audit, OfKinds, Spread};
+use crate::output::report::audit::{Audit, KindErrors, Spread};
 use crate::random::mixed;
 use crate::shape::Kind;
 use serde::{Deserialize, Serialize};
@@ -266,12 +266,12 @@ impl Found {
         method: &'static str,
         against: &'static str,
         kept: &[Errors],
-    ) -> OfKinds {
+    ) -> KindErrors {
         let Self { contacts, spurious, unresolved, .. } = *self;
         let touching = (contacts - spurious - unresolved).max(1);
         let mean_force = self.force.value() / touching as f64;
         let spread = |which: usize, unit: f64| spread(kept, which, self.largest[which], unit);
-        OfKinds {
+        KindErrors {
             kinds,
             method,
             against,

@@ -144,8 +144,8 @@ pub enum StepError {
     },
     /// A pair that no contact method could resolve. Known on one rank only.
     #[error(
-        "step {step}: no contact method could resolve particle {a}, at ({x:e}, {y:e}, {z:e}) m, and {b}, \
-         {distance:e} m apart ({why:?}). Look for coincident particles, or reduce the time step"
+        "step {step}: the contact of particle {a}, at ({x:e}, {y:e}, {z:e}) m, with {b}, {distance:e} m apart, is not \
+         converged ({why:?}). Check for coincident particles, or reduce the time step"
     )]
     Contact {
         /// Steps done.
@@ -263,8 +263,9 @@ impl Simulation {
         let Some((axis, width)) = cell.thin(least).next() else { return Ok(()) };
         let strains = COMPONENTS.map(|[i, j]| format!("{:.4}", -strained.strain[(i, j)]));
         let error = DriveError(format!(
-            "the cell is {width:.4e} m wide across {axis}, at strains xx, yy, zz, xy, xz, yz of {}; it must stay at least {least:.4e} m, twice \
-             the largest bounding diameter and the skin. Take more particles, or end the stage before",
+            "the cell is {width:.4e} m wide across {axis}, at strains xx, yy, zz, xy, xz, yz of {}; it must stay at \
+             least {least:.4e} m, twice the largest bounding diameter and the skin. Use more particles, or end the \
+             stage before",
             strains.join(", ")
         ));
         Err(StepError::Drive { step: self.step, error })

@@ -97,9 +97,9 @@ fn hollow(sim: &Simulation, finish: &Finish) -> Option<String> {
     let coordination = finish.measures.coordination();
     (is_pressed && finish.ending == Ending::Rest && coordination < BEARING).then(|| {
         format!(
-            "[stop] was reached with {coordination:.2} contacts per particle: chains of some particles bear the stress, the \
-             others touch nothing. A lattice needs a `jitter` to be pressed together, and a first stage without friction \
-             packs more densely"
+            "[stop] was reached with {coordination:.2} contacts per particle: force chains of few particles carry the \
+             stress. Before compression a lattice needs a `jitter`; a first stage without friction gives a denser \
+             packing"
         )
     })
 }

@@ -527,7 +527,7 @@ impl<'a> Records<'a> {
         }
         self.taken_by_friction = None;
         Some(format!(
-            "step {}: friction has given {given:.1e} J, though it can only take energy. A shorter step makes it less",
+            "step {}: friction has produced {given:.1e} J, although it can only dissipate. Use a shorter step",
             sim.step
         ))
     }
@@ -606,8 +606,8 @@ const DEPTHS: [f64; 2] = [DEEPEST_START, 4.0 * DEEPEST_START];
 
 fn too_deep(step: u64, overlap: f64) -> String {
     format!(
-        "step {step}: an overlap is {:.1} % of the shortest axis of the smaller body; DEM commonly permits {} %. Stiffer \
-         contacts, or less speed or pressure, make it smaller",
+        "step {step}: an overlap is {:.1} % of the shortest axis of the smaller body; DEM commonly permits {} %. Use \
+         stiffer contacts, or reduce speed or pressure",
         100.0 * overlap,
         100.0 * DEEPEST_START
     )
@@ -645,17 +645,18 @@ fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) ->
     let touched = sim.touched_by(id, comm);
     let names: Vec<String> = touched.iter().map(|&id| particles.body_name(id)).collect();
     let touched_walls = touched.iter().any(|id| id.wall_index().is_some());
-    let touched = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
+    let touched = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
     let advice = match error {
         DomainError::NotFinite { .. } => "",
         DomainError::Outside { .. } if touched_walls => {
-            "\nA wall has not held it: make contacts stiffer or the time step shorter, or press or throw less hard"
+            "\nThe wall did not stop it: use stiffer contacts, a shorter time step, or lower loads and speeds"
         }
         DomainError::Outside { .. } => {
-            "\nPut a wall on that side, or an [[outlet]] there if it may leave, enlarge the domain, or reduce the time step"
+            "\nPut a wall on that side, or an [[outlet]] if particles may leave, enlarge the domain, or reduce the \
+             time step"
         }
     };
-    let particle = format!("{state}; it last touched {touched}{advice}");
+    let particle = format!("{state}; its last contacts: {touched}{advice}");
     RunError::Particle { step, error, particle }
 }
 

@@ -127,7 +127,7 @@ fn overlap_message(
         let how_deep = if depth.is_finite() {
             format!("{:.1} %", 100.0 * depth)
         } else {
-            "so deep that no contact method can find a normal,".to_owned()
+            "too deep for any contact method,".to_owned()
         };
         let _ = write!(
             text,
@@ -139,9 +139,10 @@ fn overlap_message(
         text.push_str("\n  ...");
     }
     text.push_str(if worst[0].0 >= 1.0 && is_wall(worst[0].2) {
-        "\nIs that particle behind the wall? A wall's normal points towards the particles"
+        "\nCheck whether that particle is behind the wall: the normal of a wall points towards the particles"
     } else if between_particles == 0 {
-        "\nMove them apart: the walls, or the particles. A lattice leaves no places out at walls; rain and inlets do"
+        "\nMove the walls or the particles apart. A lattice fills places at walls, too; rain and inlets leave them \
+         out"
     } else {
         "\nMove them apart, or use a larger spacing"
     });

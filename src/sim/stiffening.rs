@@ -61,8 +61,9 @@ impl Stiffening {
             None
         } else if dt <= limit {
             Some(format!(
-                "an overlap of {overlap:.3} of the radius is beyond law.largest_overlap = {meant:.3}, for which the time step was found: \
-                 the stable limit fell to {limit:.3e} s, and {dt:.3e} s are still below it. Set law.largest_overlap to what will come"
+                "an overlap of {overlap:.3} of the radius exceeds law.largest_overlap = {meant:.3}, the basis of the \
+                 time step. The stable limit fell to {limit:.3e} s, still above the step of {dt:.3e} s. Set \
+                 law.largest_overlap to the expected overlap"
             ))
         } else {
             Some(over_the_limit(dt, limit, overlap))
@@ -111,8 +112,9 @@ impl Stiffening {
         }
         sim.change_step(own_step(limit));
         Some(format!(
-            "step {}: where an overlap is {overlap:.3} of the radius contacts are so stiff that the stable limit is {limit:.2e} s: \
-             steps take {:e} s from here on, not {before:e} s. A stage of a `duration` lasts as long as before, one of `steps` less long",
+            "step {}: at an overlap of {overlap:.3} of the radius the stable limit is {limit:.2e} s: steps are {:e} s \
+             from here on, not {before:e} s. The length of a stage of `duration` is unchanged, a stage of `steps` is \
+             shorter",
             sim.step, sim.dt
         ))
     }

@@ -149,7 +149,7 @@ impl Stop {
         for (name, is, limit) in own.into_iter().chain(of_drives) {
             // NaN is below no limit.
             if limit.is_some() && !is.is_finite() {
-                unmet.push(format!("{name} is not known, for no energy was dissipated"));
+                unmet.push(format!("{name} is unknown, as no energy was dissipated"));
             } else if let Some(limit) = limit.filter(|&limit| is >= limit) {
                 unmet.push(format!("{name} is {is:.2e}, not below {limit}"));
             }

@@ -32,8 +32,8 @@ const WARNED: [f64; 2] = [0.1, 0.5];
 pub enum Fault {
     /// A body may have passed through others undetected.
     #[error(
-        "{body} moves by {moved:.3e} m in a step, {:.3} times the smallest radius ({radius:.3e} m): it may pass through others \
-         unseen. It would move by a tenth of that radius with a time step of {works:.2e} s",
+        "{body} moves by {moved:.3e} m in a step, {:.3} times the smallest radius ({radius:.3e} m), so contacts may \
+         be missed. With a time step of {works:.2e} s it would move by a tenth of that radius",
         moved / radius
     )]
     Moved {
@@ -48,8 +48,8 @@ pub enum Fault {
     },
     /// A particle turns too fast for its orientation to be resolved.
     #[error(
-        "particle {id} turns by {angle:.3} rad in a step: its orientation is no longer resolved. It would turn by a tenth of a \
-         radian with a time step of {works:.2e} s"
+        "particle {id} rotates by {angle:.3} rad in a step, so its orientation is not resolved. With a time step of \
+         {works:.2e} s it would rotate by a tenth of a radian"
     )]
     Turned {
         /// Id of the particle.
@@ -61,12 +61,12 @@ pub enum Fault {
     },
     /// Two bodies overlap so deeply that their contact is meaningless.
     #[error(
-        "particle {a} and {b} overlap by {:.1} % of the shortest axis of the smaller body, more than {:.0} %{}. Contacts are too \
-         soft for what presses or strikes, walls close on a particle, or the time step is too long: make contacts stiffer, the \
-         load, the speed or the time step smaller",
+        "particle {a} and {b} overlap by {:.1} % of the shortest axis of the smaller body, more than {:.0} %{}. \
+         Contacts are too soft for the load, walls enclose a particle, or the time step is too long: use stiffer \
+         contacts, or reduce load, speed or time step",
         100.0 * depth,
         100.0 * most,
-        if *most < DEEPEST { ": once its centre is through, this surface pushes it out on the other side" } else { "" }
+        if *most < DEEPEST { ": once its centre is through, the surface pushes it out on the other side" } else { "" }
     )]
     Deep {
         /// The lower id.
@@ -204,11 +204,14 @@ impl Watch {
                         "the fastest body has moved by {part:.2} of the smallest radius in a step"
                     )
                 } else {
-                    format!("the fastest turn of a particle was {:.2} rad in a step", part * WIDEST)
+                    format!(
+                        "the fastest rotation of a particle was {:.2} rad in a step",
+                        part * WIDEST
+                    )
                 };
                 warnings.push(format!(
-                    "{what}, more than a tenth: collisions are poorly resolved, and a run stops at {:.0}. A time step of \
-                     {works:.2e} s would do",
+                    "{what}, more than a tenth: collisions are poorly resolved, and a run stops at {:.0}. Use a time \
+                     step of {works:.2e} s",
                     if kind == 0 { FARTHEST } else { WIDEST },
                 ));
             }
@@ -236,9 +239,9 @@ fn check_depth(particles: &Particles, pair: Pair, overlap: f64) -> Result<(), Fa
 /// Text that the step [s] is above the limit [s].
 pub(super) fn over_the_limit(dt: f64, limit: f64, overlap: f64) -> String {
     format!(
-        "the time step of {dt:.3e} s is {:.1} % over the stable limit, which fell to {limit:.3e} s where an overlap of \
-         {overlap:.3} of the radius made contacts stiffer: set law.largest_overlap to the overlap that will come and \
-         step = \"auto\", or take a step of {:.2e} s, or make the load or the speed smaller, or set time.allow_unstable = true",
+        "the time step of {dt:.3e} s is {:.1} % over the stable limit, which fell to {limit:.3e} s at an overlap of \
+         {overlap:.3} of the radius. Set law.largest_overlap to the expected overlap and step = \"auto\", or use a \
+         step of {:.2e} s, or reduce load or speed, or set time.allow_unstable = true",
         100.0 * (dt / limit - 1.0),
         printed_limit(limit)
     )

@@ -182,9 +182,9 @@ fn unions_have_a_row_for_each_place() {
         }
     }
     let wrong = dem_contact(&["-"], "{\"id\": 1, \"UA\": [{\"x\": 1}], \"UB\": []}");
-    assert!(said(&wrong).contains("UA[0] is no piece"), "{}", said(&wrong));
+    assert!(said(&wrong).contains("UA[0] is not a piece"), "{}", said(&wrong));
     let empty = dem_contact(&["-"], "{\"id\": 1, \"UA\": [], \"UB\": []}");
-    assert!(said(&empty).contains("UA: a union has one piece or more"), "{}", said(&empty));
+    assert!(said(&empty).contains("UA: a union needs at least one piece"), "{}", said(&empty));
 }
 
 /// Clearances agree with the reference, too, and are continuous through touching.
@@ -218,7 +218,7 @@ fn a_bad_file_is_one_message() {
     let with = |from: &str, to: &str| ellipsoid.replacen(from, to, 1);
     let sphere = reference("spheres_public.jsonl").lines().next().unwrap().to_string();
     let cases = [
-        (String::new(), "holds no pairs"),
+        (String::new(), "has no pairs"),
         (with("target=0.000,1.0", "target=0.000,-1.0"), "input:2: aA = -1 is not positive"),
         (with("target=0.000,1.0", "target=0.000,one"), "input:2: aA = `one` is not a number"),
         (with("target=0.000,1.0", "target=0.000,inf"), "input:2: aA = inf is not finite"),
@@ -228,7 +228,7 @@ fn a_bad_file_is_one_message() {
         (format!("{sphere}\n{{\n"), "input:2: not JSON"),
         (sphere.replace("\"rB\"", "\"r\""), "input:1: rB = null is not a number"),
         (sphere.replace("\"cA\": [", "\"cA\": [1.0, "), "is not a list of 3 numbers"),
-        ("{\"id\": 1}".into(), "input:1: of no known kind"),
+        ("{\"id\": 1}".into(), "input:1: of unknown kind"),
     ];
     for (text, message) in cases {
         let output = dem_contact(&["-"], &text);
@@ -423,11 +423,11 @@ fn a_law_says_what_acts() {
     }
     let to_law = path.to_str().unwrap();
     let touched = dem_contact(&["-", "--law", to_law, "--touched"], &pair);
-    assert!(said(&touched).contains("only those of adhesion = \"jkr\""), "{}", said(&touched));
+    assert!(said(&touched).contains("only adhesion = \"jkr\""), "{}", said(&touched));
     let egg = "id,aA,bA,cA,aB,bB,cB,xA,yA,zA,qwA,qxA,qyA,qzA,xB,yB,zB,qwB,qxB,qyB,qzB\n\
                e,1,1,2,1,1,1,0,0,0,1,0,0,0,0,0,2.9,1,0,0,0\n";
     let output = dem_contact(&["-", "--law", path.to_str().unwrap()], egg);
-    assert!(said(&output).contains("is no sphere"), "{}", said(&output));
+    assert!(said(&output).contains("is not a sphere"), "{}", said(&output));
     let wrong = dem_contact(&["-", "--law", path.to_str().unwrap(), "--materials", "m,n"], &pair);
     assert!(said(&wrong).contains("no material `n`: there are m"), "{}", said(&wrong));
 }

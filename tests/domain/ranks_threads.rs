@@ -172,7 +172,7 @@ fn hertzian_superellipsoids_are_the_same_on_any_number_of_ranks_and_after_a_rest
             "kind = \"superellipsoid\"\nsemi_axes = [0.0016, 0.0014, 0.001]\nexponents = [1.2, 0.7]",
         );
     let scene = scene(&text);
-    let words = "radii of curvature of superellipsoids are averaged over 0.1 rad, and count as no less than 0.01 bounding radii";
+    let words = "radii of curvature of superellipsoids are means over 0.1 rad, and at least 0.01 bounding radii";
     assert!(plan::plan(&scene, 1).contains(words), "{}", plan::plan(&scene, 1));
     let alone = everywhere(&scene, 1000, &[[1, 3], [8, 1]]);
     assert!(alone.records.len() > 200, "a crowd: {} contacts", alone.records.len());

@@ -549,11 +549,15 @@ fn what_does_not_go_with_a_cell_is_refused() {
         (
             "max_rate = 1.0",
             "max_rate = 1.0\nzz = { rate = 0 }\nconstant_volume = true",
-            "no component is left",
+            "needs a free component",
         ),
         ("{ rate = 0.1 }", "{ rate = 0.1, stress = 1.0 }", "one of `rate`, `stress`, `table`"),
         ("{ rate = 0.1 }", "{ rate = 1e3 }", "in a step"),
-        ("yy = { stress = 1e3 }\nmax_rate = 1.0", "max_rate = 1.0", "nothing has a `stress`"),
+        (
+            "yy = { stress = 1e3 }\nmax_rate = 1.0",
+            "max_rate = 1.0",
+            "has no effect without a `stress`",
+        ),
         ("[time]", "[stop]\nservo = 0.1\n[time]", "there is no [[servo]]"),
         (
             "yy = { stress = 1e3 }\nmax_rate = 1.0",
@@ -563,7 +567,7 @@ fn what_does_not_go_with_a_cell_is_refused() {
         (
             "[time]",
             "[[wall]]\nname = \"w\"\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\n[time]",
-            "not together with walls",
+            "not with walls",
         ),
     ] {
         expect_refused(&good, from, to, said);

@@ -183,12 +183,9 @@ directory = "out"
     assert_eq!(warnings.len(), 1);
     assert!(warnings[0].contains("inlet `tap`: at step 50 "), "{warnings:?}");
     let last = sim.drives[0].outcome(&[], false).warnings;
-    assert!(last.len() == 2 && last[1].contains("of 4000 particles came"), "{last:?}");
+    assert!(last.len() == 2 && last[1].contains("of 4000 particles inserted"), "{last:?}");
     let stopped = sim.drives[0].outcome(&[], true).warnings;
-    assert!(
-        stopped.len() == 1 && stopped[0].contains("that were due have not come"),
-        "{stopped:?}"
-    );
+    assert!(stopped.len() == 1 && stopped[0].contains("due were not inserted"), "{stopped:?}");
     let asked = scene.library.sizes[0].distribution().unwrap();
     let by = dem_mpi::population::sizes::By::Number;
     scales.sort_by(f64::total_cmp);
@@ -465,7 +462,7 @@ fn an_outlet_that_grains_may_pass_unseen_is_warned_of() {
     })
     .unwrap();
     let told: Vec<_> =
-        warnings.iter().filter(|w| w.contains("outlet `hatch` looks every 700")).collect();
+        warnings.iter().filter(|w| w.contains("outlet `hatch` checks every 700")).collect();
     assert_eq!(told.len(), 1, "{warnings:?}");
 }
 
@@ -515,13 +512,13 @@ fn inlets_that_would_stop_and_names_of_other_columns_are_refused() {
         &good,
         "[0.002, 1]",
         "[0.002, 0.99], [0.011, 1]",
-        "the largest particle finds no place",
+        "places is free for the largest particle",
     );
     expect_refused(
         &good,
         "\"tap\"",
         "\"J\"",
-        "history.csv has a column missing_J already: take another name",
+        "history.csv has a column missing_J already: use another name",
     );
     // In a wide enough shaft the large particle is accepted.
     scene(&good.replace("[0.002, 1]", "[0.002, 0.99], [0.007, 1]"));
@@ -535,7 +532,7 @@ fn an_outlet_around_an_inlet_is_refused() {
         SHAFT,
         "point = [0, 0, 0.002]\nnormal = [0, 0, 1]\n[[outlet]]\nname = \"hatch\"",
         around,
-        "inlet.eggs: lies in outlet `bottom`",
+        "inlet.eggs: overlaps outlet `bottom`",
     );
 }
 
@@ -550,31 +547,32 @@ fn amounts_that_cannot_be_are_refused() {
         expect_refused(SHAFT, "count = 60", &format!("count = 60\nbegin = {begin}"), said);
     }
     let stop = "[stop]\nremaining = 3\n[output]";
-    expect_refused(SHAFT, "[output]", stop, "never holds: an [[inlet]] without");
+    expect_refused(SHAFT, "[output]", stop, "is never reached: an [[inlet]] without");
 }
 
 /// Inlets and outlets that act less often than the stage has steps, or lie where no particle is, give a warning.
 #[test]
 fn inlets_and_outlets_that_never_act_are_doubtful() {
     for (from, to, doubt) in [
-        ("every = 15", "every = 4001", "inlet `balls` acts every 4001 steps, and there are 4000"),
+        (
+            "every = 15",
+            "every = 4001",
+            "inlet `balls` acts every 4001 steps, and the stage has 4000",
+        ),
         ("every = 7", "every = 5000", "outlet `hatch` acts every 5000 steps"),
         (
             "every = 15",
             "every = 15\nbegin = 0.04",
-            "inlet `balls` begins after 0.04 s of the stage, and its particles may appear until 3.990e-2 s: none comes",
+            "inlet `balls` begins after 0.04 s of the stage, but can insert particles only until 3.990e-2 s: it \
+             inserts none",
         ),
         (
             "high = [0.01, 0.02, 0.006]",
             "high = [0.01, 0.02, -0.7]",
-            "outlet `hatch` lies outside the domain",
+            "outlet `hatch` is outside the domain",
         ),
-        (
-            "high = [0.01, 0.02, 0.006]",
-            "high = [0.01, 0.02, -0.002]",
-            "outlet `hatch` lies outside",
-        ),
-        ("point = [0, 0, 0.002]", "point = [0, 0, -0.002]", "outlet `bottom` lies outside"),
+        ("high = [0.01, 0.02, 0.006]", "high = [0.01, 0.02, -0.002]", "outlet `hatch` is outside"),
+        ("point = [0, 0, 0.002]", "point = [0, 0, -0.002]", "outlet `bottom` is outside"),
     ] {
         let text = SHAFT.replace(from, to).replace("low = [0, 0, 0.002]", "low = [0, 0, -0.8]");
         let doubts = dem_mpi::scene::doubts::doubts(&scene(&text));
@@ -620,7 +618,7 @@ fn an_inlet_keeps_its_rate_within_a_stage() {
         (
             "name = \"balls\"",
             "name = \"marbles\"",
-            "inlet `marbles` was not there when the stage began",
+            "inlet `marbles` did not exist when the stage began",
         ),
     ] {
         let text = SHAFT.replace(from, to);
@@ -639,7 +637,7 @@ fn an_inlet_keeps_its_rate_within_a_stage() {
     let mut sim = assemble::assemble(&first, &comm);
     let same = assemble::Continuation::SameStage;
     let error = assemble::take_up(&mut sim, &first, folder.path(), same, &mut comm).unwrap_err();
-    assert!(error.to_string().contains("inlet `eggs` was not there"), "{error}");
+    assert!(error.to_string().contains("inlet `eggs` did not exist"), "{error}");
 }
 
 /// Under damping, particles of an inlet bring their energy; another gravity gives them another potential energy.
@@ -770,7 +768,7 @@ fn what_is_missing_ends_where_the_inlet_ends() {
         let (found, warning) = with(amounts);
         assert!((found - missing).abs() < 1e-12 * missing.max(1.0), "{amounts}: {found:e}");
         let told = format!(
-            "inlet `tap`: {told} that were due have not come; 2 particles, 2.0000e-3 kg, came"
+            "inlet `tap`: {told} due were not inserted; inserted: 2 particles, 2.0000e-3 kg"
         );
         assert_eq!(warning, told, "{amounts}");
     }
@@ -1122,7 +1120,8 @@ fn a_stage_lists_what_is_gone_as_it_begins() {
 fn a_list_under_a_name_that_is_none_for_a_file_is_refused() {
     let named = |name: &str| format!("name = '{name}'\nlist = true\n");
     for name in ["left/hatch", "..\\hatch", "hatch?", "a:b"] {
-        let said = format!("outlet.\"{name}\".list = true: the list is a file named after it");
+        let said =
+            format!("outlet.\"{name}\".list = true: the name is used for the file of the list");
         expect_refused(SHAFT, "name = \"hatch\"\n", &named(name), &said);
         // Such names are valid for columns.
         scene(&SHAFT.replace("name = \"hatch\"", &format!("name = '{name}'")));

@@ -672,8 +672,8 @@ fn mistakes_in_groups_are_told() {
         ("ids = [0]", "shapes = \"bll\"", "did you mean `ball`?"),
         ("ids = [0]", "inlets = [\"top\"]", "no such inlet"),
         ("ids = [0]", "id_ranges = [[3, 1]]", "must be [first, last]"),
-        ("fixed = true", "fixed = true\nvelocity = [0, 0, 0.1]", "stands beside a `velocity`"),
-        ("fixed = true", "fixed = true\nforce = [1, 0, 0]", "these are held"),
+        ("fixed = true", "fixed = true\nvelocity = [0, 0, 0.1]", "not with a `velocity`"),
+        ("fixed = true", "fixed = true\nforce = [1, 0, 0]", "these have `fixed`"),
         ("fixed = true", "velocity = [0, 0, 1e4]", "must be at most"),
         (
             "fixed = true",
@@ -681,7 +681,7 @@ fn mistakes_in_groups_are_told() {
             "time step must be less than",
         ),
         ("fixed = true", "drag = { law = \"schiller-naumann\", viscosity = 1 }", "density"),
-        ("fixed = true", "drag = { law = \"stokes\", viscosity = 1, density = 3 }", "is of `law"),
+        ("fixed = true", "drag = { law = \"stokes\", viscosity = 1, density = 3 }", "needs `law"),
         (
             "fixed = true",
             "[[motion]]\ngroups = [\"on\"]\nalong = [1, 0, 0]\namplitude = 1e-4\nfrequency = 1",
@@ -690,12 +690,12 @@ fn mistakes_in_groups_are_told() {
         (
             "[[group]]",
             "[[wall]]\nname = \"one\"\npoint = [0, 0, -1]\nnormal = [0, 0, 1]\n[[group]]",
-            "a wall has this name",
+            "is also the name of a wall",
         ),
         (
             "high = [10, 10, 10]",
             "high = [10, 10, 10]\nperiodic = [true, true, true]\nshear = { along = \"x\", across = \"z\", rate = 1 }",
-            "against the flow of a sheared or strained domain",
+            "in the flow of a sheared or strained domain",
         ),
     ] {
         expect_refused(&good, from, to, said);

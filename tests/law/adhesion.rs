@@ -200,7 +200,7 @@ fn keys_and_shapes_of_another_law_are_refused() {
         (
             "kind = \"sphere\"\nradius = 0.0001",
             "kind = \"ellipsoid\"\nsemi_axes = [1e-4, 1e-4, 2e-4]",
-            "`ball` is no sphere",
+            "`ball` is not a sphere",
         ),
         ("surface_energy = 0.05", "surface_energy = -1", "J/m²"),
     ] {

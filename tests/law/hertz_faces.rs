@@ -194,5 +194,5 @@ fn a_crowd_has_the_same_bits_everywhere() {
 fn bodies_that_go_by_curvature_are_refused_beside_them() {
     let egg = "kind = \"ellipsoid\"\nsemi_axes = [0.001, 0.001, 0.002]";
     let ball = "kind = \"sphere\"\nradius = 0.0011";
-    expect_refused(&crowd(), ball, egg, "by none of `cube`");
+    expect_refused(&crowd(), ball, egg, "sides of `cube`");
 }

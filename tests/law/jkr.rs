@@ -350,9 +350,9 @@ fn what_does_not_go_with_it_is_refused() {
     let ball = "kind = \"sphere\"\nradius = 0.0001";
     for (from, to, said) in [
         ("normal = \"hertz\"\n", "normal = \"linear\"\n", "needs normal = \"hertz\""),
-        ("adhesion = \"jkr\"", "adhesion = \"jkr\"\nrolling = \"spring\"", "does not go with"),
+        ("adhesion = \"jkr\"", "adhesion = \"jkr\"\nrolling = \"spring\"", "not with"),
         ("adhesion = \"jkr\"", "adhesion = \"jkr\"\nlimit_damping = true", "is not used with"),
-        (ball, "kind = \"ellipsoid\"\nsemi_axes = [1e-4, 1e-4, 2e-4]", "`ball` is no sphere"),
+        (ball, "kind = \"ellipsoid\"\nsemi_axes = [1e-4, 1e-4, 2e-4]", "`ball` is not a sphere"),
     ] {
         expect_refused(&good, from, to, said);
     }
@@ -362,7 +362,7 @@ fn what_does_not_go_with_it_is_refused() {
 #[test]
 fn the_plan_names_the_gap_at_which_contacts_end() {
     let page = plan(&scene(&text("", DENSITY, 1e-9)), 1);
-    let words = "contacts outlive the overlap, up to a gap of ";
+    let words = "contacts act beyond the overlap, up to a gap of ";
     let (_, rest) = page.split_once(words).expect("the plan says it");
     let gap: f64 = rest.split(' ').next().unwrap().parse().unwrap();
     let expected = 0.75 * (PI * PI * WORK * WORK * RADIUS / (MODULUS * MODULUS)).cbrt();

@@ -12,7 +12,7 @@ use dem_mpi::output::SnapshotError;
 use dem_mpi::output::header::{Header, ShapeRow};
 use dem_mpi::output::order::{Order, Shares};
 use dem_mpi::output::seal::checksum;
-use dem_mpi::output::snapshot::{self, Reader, Way};
+use dem_mpi::output::snapshot::{self, Reader, WriteMethod};
 use dem_mpi::particles::columns::Quantity;
 use dem_mpi::random::Random;
 use dem_mpi::shape::{
@@ -92,7 +92,7 @@ fn every_rank_writes_its_share_of_the_rows() {
 /// Rows dealt out to any number of ranks give the same files as one rank, byte for byte.
 #[test]
 fn files_do_not_tell_how_many_ranks_wrote_them() {
-    let files = |size: u32, way: Way| {
+    let files = |size: u32, way: WriteMethod| {
         let directory = tempfile::tempdir().unwrap();
         let place = directory.path();
         threads::run(size, |comm| {
@@ -102,9 +102,9 @@ fn files_do_not_tell_how_many_ranks_wrote_them() {
         [snapshot::particles_name(7), snapshot::contacts_name(7)]
             .map(|name| fs::read(place.join(name)).unwrap())
     };
-    let alone = files(1, Way::Together);
+    let alone = files(1, WriteMethod::Together);
     for size in [2, 3, 4, 8] {
-        for way in [Way::Together, Way::ThroughRoot] {
+        for way in [WriteMethod::Together, WriteMethod::ThroughRoot] {
             assert!(files(size, way) == alone, "{size} ranks, {way:?}");
         }
     }
@@ -495,7 +495,7 @@ fn damaged_snapshots_of_a_directory_are_passed_over() {
     fs::write(&paths[1], flipped).unwrap();
     opened(10, &["particles_000000030.vtkhdf cannot be read", "the checksum of the whole file"]);
     fs::remove_file(&paths[2]).unwrap();
-    opened(10, &["there is no snapshot at", "the checksum of the whole file"]);
+    opened(10, &["no snapshot at", "the checksum of the whole file"]);
     fs::write(&paths[0], "").unwrap();
     let errors = threads::run(2, |comm| Reader::open_together(place, comm).err().unwrap());
     assert_eq!(errors[0], errors[1]);

@@ -10,7 +10,7 @@ use dem_mpi::output::snapshot::Reader;
 use dem_mpi::output::tables::ContactTable;
 use dem_mpi::post::errors::MeasureError;
 use dem_mpi::post::fields::{Fields, Smoothing, Weight};
-use dem_mpi::post::flow::{Passed, Plane, Rate, Window, through_plane};
+use dem_mpi::post::flow::{CumulativeFlow, Plane, Rate, Window, through_plane};
 use dem_mpi::post::mixing::{Groups, Members, Mixing};
 use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::slope::{Direction, Slope};
@@ -386,7 +386,7 @@ fn groups_stay_what_they_were() {
     };
     store(folder.path(), &begin);
     let [_, refused] = post();
-    assert!(refused.contains("all 64 grains of the region are of one group"), "{refused}");
+    assert!(refused.contains("all 64 particles of the region are in one group"), "{refused}");
     store(folder.path(), &later);
     let [made, _] = post();
     assert!(made.contains("mixing: 1 of 2 snapshots are left out"), "{made}");
@@ -490,7 +490,7 @@ fn mixing_says_who_is_left_out() {
     let made = dem_post.arg(folder.path()).args(["--series", "--mixing", "half:x", "--grid", "2d"]);
     let made = made.output().unwrap();
     let said = String::from_utf8(made.stdout).unwrap();
-    assert!(said.contains("mixing: 24 of 64 grains at "), "{said}");
+    assert!(said.contains("mixing: 24 of 64 particles at "), "{said}");
     let table = std::fs::read_to_string(folder.path().join("post_series/mixing.csv")).unwrap();
     let last: Vec<_> = table.lines().map(|line| line.rsplit(',').next().unwrap()).collect();
     assert_eq!(last, ["left_out", "0", "24"]);
@@ -630,7 +630,7 @@ fn flow_is_counted_through_a_plane() {
     assert_eq!(rate.rows, 6);
     close(rate.grains, 3000.0, 1e-9, "rate");
     close(rate.mass, 0.03, 1e-9, "mass rate");
-    let row = |time_s: f64, mass_kg: f64| Passed { time_s, grains: 0.0, mass_kg };
+    let row = |time_s: f64, mass_kg: f64| CumulativeFlow { time_s, grains: 0.0, mass_kg };
     // The halves of an unsteady flow cover all of its time, so their mean is the whole.
     let unsteady: Vec<_> = [0.0, 1.0, 3.0, 9.0, 12.0]
         .into_iter()
@@ -673,8 +673,14 @@ fn grains_first_seen_behind_a_plane_are_told() {
     let made =
         dem_post.arg(folder.path()).args(["--series", "--flow", "-z=0.01"]).output().unwrap();
     let said = String::from_utf8(made.stdout).unwrap();
-    assert!(said.contains("behind the plane when first seen, and are not counted: 2."), "{said}");
-    assert!(said.contains("when last seen, and are counted: 1\n"), "{said}");
+    assert!(
+        said.contains("flow: 2 particles were first seen behind the plane and are not counted."),
+        "{said}"
+    );
+    assert!(
+        said.contains("1 particles were last seen before the plane and are counted\n"),
+        "{said}"
+    );
 }
 
 /// Errors of the program for impossible measures, and its output for the others.
@@ -691,13 +697,13 @@ fn the_program_makes_measures_and_refuses_what_is_none() {
         (output.status.code(), text(output.stdout), text(output.stderr))
     };
     for (arguments, says) in [
-        (&["--fields", "3d"][..], "over half of the period along x"),
+        (&["--fields", "3d"][..], "more than half of the period along x"),
         (&["--fields", "0.5d", "--grid", "1d"], "make --grid smaller"),
         (&["--fields", "0"], "above 0"),
-        (&["--fields", "1e-7"], "most: make --grid larger"),
+        (&["--fields", "1e-7"], ": make --grid larger"),
         (&["--mixing", "left"], "shape:NAME"),
         (&["--mixing", "shape:red"], "no shape `red`"),
-        (&["--mixing", "shape:grain"], "all 300 grains of the region are of one group"),
+        (&["--mixing", "shape:grain"], "all 300 particles of the region are in one group"),
         (&["--mixing", "half:x", "--region", "0,1e-9,0,1e-9,0,1e-9"], "no "),
         (&["--slope", "x", "--region", "0,1e-9,0,1e-9,0,1e-9"], "no "),
         (&["--flow", "z=0.1"], "-z=0.05"),
@@ -724,7 +730,7 @@ fn the_program_makes_measures_and_refuses_what_is_none() {
     let (status, said, message) = run(&all);
     assert_eq!(status, Some(0), "{message}");
     assert!(
-        said.contains("flow: 50.00 grains/s, 0.5000 kg/s from 0 s to 0.2000 s (3 rows)"),
+        said.contains("flow: 50.00 particles/s, 0.5000 kg/s from 0 s to 0.2000 s (3 rows)"),
         "{said}"
     );
     assert!(said.contains("20 x 16 x 18 cells"), "{said}");

@@ -176,10 +176,10 @@ fn damaged_tables_are_named() {
     assert!(says(&broken).contains("position of particle 4"));
     let mut broken = sound.clone();
     broken.particles.id[1] = GlobalId(0);
-    assert!(says(&broken).contains("particle 0 stands twice"));
+    assert!(says(&broken).contains("particle 0 appears twice"));
     let mut broken = sound.clone();
     broken.header.next_id = 20;
-    assert!(says(&broken).contains("never given"));
+    assert!(says(&broken).contains("never assigned"));
     let mut broken = sound.clone();
     broken.contacts.b[0] = GlobalId(1000);
     assert!(says(&broken).contains("names particle 1000"));

@@ -189,14 +189,14 @@ fn wrong_arguments_end_in_one_message_and_status_2() {
     let empty = directory.path().to_str().unwrap();
     for (arguments, expected) in [
         (vec!["no/such/file.vtkhdf"], "no snapshot no/such/file.vtkhdf"),
-        (vec![empty], "holds no snapshot"),
+        (vec![empty], "contains no snapshot"),
         (vec!["out/contacts_000000001.vtkhdf"], "only contact files"),
         (vec!["--diff", "Cargo.toml"], "--diff takes two snapshots, not 1"),
         (vec!["Cargo.toml", "--region", "0,1,0"], "six numbers"),
         (vec!["Cargo.toml", "--region", "0,1,0,1,0,high"], "'high'"),
         (vec![], "<SNAPSHOT>"),
-        (vec![empty, "--series"], "holds no snapshot"),
-        (vec!["Cargo.toml", "--margin", "wide"], "grain diameters"),
+        (vec![empty, "--series"], "contains no snapshot"),
+        (vec!["Cargo.toml", "--margin", "wide"], "particle diameters"),
     ] {
         let output = std::process::Command::new(env!("CARGO_BIN_EXE_dem-post"))
             .args(&arguments)
@@ -268,8 +268,8 @@ fn the_program_tells_what_is_doubtful() {
         let made = if margin.is_empty() { &mut dem_post } else { dem_post.arg(&out) };
         let said = String::from_utf8(made.output().unwrap().stdout).unwrap();
         let doubt =
-            "the box of the packing ends at the outermost grain towards +z, be it in flight";
-        assert!(said.contains(&format!("\ndoubtful: {doubt}")), "{said}");
+            "towards +z the box of the packing ends at the outermost particle, even in flight";
+        assert!(said.contains(&format!("\nwarning: {doubt}")), "{said}");
         let read = |file: &str| std::fs::read_to_string(out.join(file)).unwrap();
         assert!(read("index.html").contains(&format!("Doubtful: {doubt}")));
         let reports: Vec<Report> = serde_json::from_str(&read("report.json")).unwrap();

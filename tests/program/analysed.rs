@@ -55,7 +55,7 @@ fn an_empty_region_is_an_error() {
     for arguments in [&[directory, corner][..], &[directory, "--series", corner]] {
         let refused = dem_post(arguments).end();
         assert_eq!(refused.status.code(), Some(2), "{refused}");
-        refused.said_once("no particle has its centre in the region: make it larger");
+        refused.said_once("the region contains no particle centre: make it larger");
     }
 }
 

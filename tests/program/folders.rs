@@ -146,7 +146,7 @@ fn a_page_does_not_replace_what_a_run_wrote() {
     let before = fs::read(out.join("report.json")).unwrap();
     let refused = dem_post(["--out".as_ref(), out.as_os_str(), out.as_os_str()]).end();
     status(&refused, WRONG);
-    refused.said_once("a run writes there");
+    refused.said_once("is the folder of a run");
     assert_eq!(fs::read(out.join("report.json")).unwrap(), before);
     dem_post([&out, &out]).succeed().said_once("is named twice, and counts once");
 }
@@ -196,7 +196,8 @@ fn a_command_to_go_on_is_quoted() {
         signal(running.id(), "TERM");
         let ended = running.end();
         status(&ended, STOPPED);
-        let command = ended.errors.lines().find_map(|line| line.split_once("to go on: dem-mpi "));
+        let command =
+            ended.errors.lines().find_map(|line| line.split_once("to continue: dem-mpi "));
         let (_, command) = command.unwrap_or_else(|| panic!("{ended}"));
         let said = sh(&format!("printf '%s\\n' {command}")).from(&folder).succeed();
         assert_eq!(said.output.lines().next(), Some(&*given), "{ended}");
@@ -308,7 +309,7 @@ fn a_run_goes_on_where_it_is_told_to() {
     let go_on = [&*scene("heap"), "--start", "kept", "--steps", "20"];
     let refused = dem_mpi(Launch::Alone, go_on).from(&folder).end();
     status(&refused, WRONG);
-    refused.said_once("Add --out kept to go on in the folder of the snapshot");
+    refused.said_once("Add --out kept to continue in the folder of the snapshot");
     let made = fs::read_dir(&folder).unwrap().count();
     assert_eq!(made, 1, "nothing was written");
     for named in [["--out", "kept"], ["--set", set]] {

@@ -76,7 +76,7 @@ fn fill(disk: &Path, launch: Launch) {
     assert_eq!(ended.status.code(), Some(FAILED), "{ended}");
     ended.said_once("cannot write ");
     ended.said_once("No space left on device");
-    ended.said_once("Snapshots written before are untouched");
+    ended.said_once("Earlier snapshots are intact");
     for text in ["panicked", "met a bug", "HDF5-DIAG"] {
         assert!(!ended.said().contains(text), "{text}: {ended}");
     }

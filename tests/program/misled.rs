@@ -93,8 +93,7 @@ fn a_mistake_ends_in_one_message() {
             status: WRONG_INPUT,
             message: &[
                 "8 pairs overlap by more than 5 %",
-                "particle 0 and particle 1: so deep that no contact method can find a normal, at \
-                 (5.0000e-3, 5.0000e-3, 5.0000e-3) m",
+                "particle 0 and particle 1: too deep for any contact method, at (5.0000e-3, 5.0000e-3, 5.0000e-3) m",
                 "Move them apart",
             ],
         },
@@ -116,7 +115,7 @@ fn a_mistake_ends_in_one_message() {
             status: WRONG_INPUT,
             message: &[
                 "fill: 1000000000000 particles need at least",
-                "take fewer, a wider `spacing`",
+                "use fewer particles, a wider `spacing`",
             ],
         },
         Mistake {
@@ -134,7 +133,7 @@ fn a_mistake_ends_in_one_message() {
                 "shape.ball.radius=0.0019",
             ],
             status: WRONG_INPUT,
-            message: &["particles of shape \"ball\", which the scene does not have"],
+            message: &["the scene has no shape \"ball\" of this form and size"],
         },
         Mistake {
             scene: &heap_scene,
@@ -146,7 +145,7 @@ fn a_mistake_ends_in_one_message() {
             scene: &heap_scene,
             arguments: &["--out", misspelt_name],
             status: WRONG_INPUT,
-            message: &["misspelt.toml is a file, and a run writes into a folder", "another --out"],
+            message: &["misspelt.toml is a file, but a run writes into a folder", "another --out"],
         },
         Mistake {
             scene: &heap_scene,
@@ -158,7 +157,7 @@ fn a_mistake_ends_in_one_message() {
             scene: &heap_scene,
             arguments: &["--start", contacts_file],
             status: WRONG_INPUT,
-            message: &["of a snapshot's two files, name particles_<step>.vtkhdf"],
+            message: &["name particles_<step>.vtkhdf, not the contacts file"],
         },
         // There is no wall in the direction of gravity.
         Mistake {
@@ -175,7 +174,7 @@ fn a_mistake_ends_in_one_message() {
             scene: &burst,
             arguments: &[],
             status: FAILED,
-            message: &["has left the domain", "particle 0: position (", "it last touched nothing"],
+            message: &["has left the domain", "particle 0: position (", "its last contacts: none"],
         },
     ];
     for mistake in &mistakes {

@@ -123,7 +123,7 @@ fn the_demo_of_a_scene_makes_what_its_page_shows() {
     let post = env!("CARGO_BIN_EXE_dem-post");
     let alone = Call::new(vec![], post, ["out/drum", "--mixing", "half:x"]).from(&copy).end();
     assert_eq!(alone.status.code(), Some(0), "{alone}");
-    assert!(alone.output.contains("the halves of one snapshot are apart"), "{alone}");
+    assert!(alone.output.contains("the halves of a single snapshot are separate"), "{alone}");
 }
 
 /// For an unknown scene the demo lists the known ones, and the page of each has its command.

@@ -63,7 +63,7 @@ fn an_earlier_snapshot_continues_on_any_number_of_ranks() {
         let start = ["--start", middle.to_str().unwrap()];
         let refused = heap_in(&directory, launch, &start).end();
         assert_eq!(refused.status.code(), Some(2), "{refused}");
-        refused.said_once("and this run begins at step 1000");
+        refused.said_once("but this run begins at step 1000");
         let ended = heap_in(&directory, launch, &[&start[..], &["--overwrite"]].concat()).succeed();
         ended.said_once("steps 1000 to 3000");
         assert_same_result(&whole.directory, &directory);
@@ -81,7 +81,7 @@ fn a_used_directory_is_refused() {
     let again = [&fresh[..], &["150"]].concat();
     let refused = heap_in(&directory, Launch::Ranks(2), &again).end();
     assert_eq!(refused.status.code(), Some(2), "{refused}");
-    refused.said_once("has snapshots up to step 300, and this run begins at step 0");
+    refused.said_once("has snapshots up to step 300, but this run begins at step 0");
     assert_eq!(history(&directory), before);
     assert!(snapshot(&directory, 300).exists());
 
@@ -118,7 +118,7 @@ fn a_stage_does_not_write_over_the_one_before() {
     let refused =
         dem_mpi(Launch::Alone, [&scene("tilted"), "--out", "heap"]).from(&directory).end();
     assert_eq!(refused.status.code(), Some(2), "{refused}");
-    refused.said_once("heap is the folder of the stage that `start` goes on from");
+    refused.said_once("heap is the folder of the stage in `start`");
     assert_eq!(history(&directory.join("heap")), before);
 
     // The stage may not overwrite its own start, even with permission.
@@ -219,7 +219,7 @@ fn what_a_law_remembers_must_be_there_to_go_on() {
         assert!(ended.status.success(), "{ended}");
         let ended = run(&[heap, "--start", "heap"]);
         assert_eq!(ended.status.code(), Some(2), "{ended}");
-        ended.said_once("it has no `spring` of contacts, which the scene's law remembers");
+        ended.said_once("it has no `spring` of contacts, a state variable of the scene's law");
         let ended = run(&[&scene("tilted"), "--steps", "10"]);
         assert!(ended.status.success(), "{ended}");
         let ended = run(&[heap, "--start", "heap", "--set", smooth, "--steps", "10"]);
@@ -272,12 +272,12 @@ fn the_stage_before_is_told_from_this_one() {
         for start in ["heap", "heap/last.vtkhdf", "./heap/"] {
             let ended = run(&[tilted, "--start", start]);
             assert_eq!(ended.status.code(), Some(2), "{ended}");
-            ended.said_once(&format!("--start {start}: that is the stage before"));
+            ended.said_once(&format!("--start {start}: this is the stage before"));
         }
         let narrower = ["--set", "domain.high=[0.055, 0.06, 0.06]"];
         let ended = run(&[&[tilted, "--steps", "1"], &narrower[..]].concat());
         succeeds(&ended);
-        ended.said_once("walls stand where the stage before left them");
+        ended.said_once("walls are where the stage before ended");
         ended.said_once("+x by 5.0000e-3 m");
         ended.said_once("of the stable limit");
 

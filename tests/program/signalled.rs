@@ -69,7 +69,7 @@ fn stop(seed: u64, launch: Launch, to: To, name: &str, again: Launch) {
         assert!(is_mpich || ended.status.code() != Some(0), "{case}: {ended}");
     } else {
         assert_eq!(ended.status.code(), Some(STOPPED), "{case}: {ended}");
-        ended.said_once(&format!("stopped by SIG{name} at step {newest}; to go on: dem-mpi "));
+        ended.said_once(&format!("stopped by SIG{name} at step {newest}; to continue: dem-mpi "));
         ended.said_once(&format!("{EVERY} --out {out} --start {out}/particles_{newest:09}.vtkhdf"));
     }
     assert!(newest >= from, "{case}: {ended}");

@@ -107,7 +107,7 @@ fn wrong_questions_are_refused_with_one_message() {
     fs::write(&fed, completed(&SCENE.replace("[time]", silo))).unwrap();
     let ended = dem_mpi(Launch::Alone, [fed.to_str().unwrap(), "--suggest"]).from(&directory).end();
     assert_eq!(ended.status.code(), Some(2), "{ended}");
-    ended.said_once("grains of inlet `tap` appear in other places with every step");
+    ended.said_once("inlet `tap` inserts particles in different places with every step");
     fs::remove_file(&fed).unwrap();
     let wrong: [(Launch, &[&str], &str); 8] = [
         (Launch::Alone, &["--suggest", "--error", "0"], between),
@@ -117,7 +117,7 @@ fn wrong_questions_are_refused_with_one_message() {
         (Launch::Alone, &["--suggest", "--error", "little"], between),
         (Launch::Alone, &["--error", "1%"], "--suggest"),
         (Launch::Alone, &["--suggest", "--plan"], "cannot be used with"),
-        (Launch::Ranks(2), &["--suggest"], "--suggest tries the scene on one rank"),
+        (Launch::Ranks(2), &["--suggest"], "--suggest uses one rank"),
     ];
     for (launch, arguments, message) in wrong {
         let mut all = vec![scene];

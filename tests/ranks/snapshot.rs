@@ -5,7 +5,7 @@ use dem_mpi::comm::alone::Alone;
 use dem_mpi::comm::{Comm, threads};
 use dem_mpi::output::SnapshotError;
 use dem_mpi::output::hdf5::{Column, SnapshotFile, StoredFile};
-use dem_mpi::output::snapshot::{self, Reader, Way};
+use dem_mpi::output::snapshot::{self, Reader, WriteMethod};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -23,11 +23,11 @@ fn write(
     spinning: bool,
     comm: &mut dyn Comm,
 ) -> Result<PathBuf, SnapshotError> {
-    write_in(Way::Together, directory, step, spinning, comm)
+    write_in(WriteMethod::Together, directory, step, spinning, comm)
 }
 
 fn write_in(
-    way: Way,
+    way: WriteMethod,
     directory: &Path,
     step: u64,
     spinning: bool,
@@ -56,7 +56,7 @@ pub(crate) fn round_trip(comm: &mut dyn Comm) {
         Some(kept) => PathBuf::from(kept).join(comm.size().to_string()),
         None => directory.join("out/packing"),
     };
-    let [together, through_root] = [Way::Together, Way::ThroughRoot];
+    let [together, through_root] = [WriteMethod::Together, WriteMethod::ThroughRoot];
     for (way, step, spinning) in
         [(together, 3, true), (through_root, 4, false), (together, 4, false), (together, 4, true)]
     {
@@ -82,15 +82,15 @@ pub(crate) fn rows_by_id(comm: &mut dyn Comm) {
         snapshot::write_in(way, &place, &header(7), particles, contacts, records, comm).unwrap()
     };
     let mine = made_up::dealt(comm.rank().0, comm.size());
-    let together = store("together", Way::Together, &mine, comm);
-    let through_root = store("through root", Way::ThroughRoot, &mine, comm);
+    let together = store("together", WriteMethod::Together, &mine, comm);
+    let through_root = store("through root", WriteMethod::ThroughRoot, &mine, comm);
     if comm.is_root() {
         let all = Tables {
             particles: made_up::particles(0, 0..67, true),
             contacts: made_up::contacts(0..67),
             records: made_up::records(0..67),
         };
-        let alone = store("alone", Way::Together, &all, &mut Alone::default());
+        let alone = store("alone", WriteMethod::Together, &all, &mut Alone::default());
         assert_eq!(read_all(&together), all);
         let beside = |path: &Path| path.with_file_name(snapshot::contacts_name(7));
         for (mine, other) in [(&together, &alone), (&beside(&together), &beside(&alone))] {
@@ -157,7 +157,7 @@ pub(crate) fn errors_agree(comm: &mut dyn Comm) {
         assert!(all.iter().all(|theirs| *theirs == mine.as_bytes()));
     }
     // Rank 0 alone fails.
-    let alone = write_in(Way::ThroughRoot, &directory, 2, true, comm).unwrap_err();
+    let alone = write_in(WriteMethod::ThroughRoot, &directory, 2, true, comm).unwrap_err();
     assert!(matches!(&alone, SnapshotError::Write { rank: 0, path, .. } if path.contains(".cont")));
     // The ranks are still in step.
     write(&directory, 4, true, comm).unwrap();

@@ -96,7 +96,7 @@ fn what_is_said_of_many_is_short() {
     let pairs: Vec<_> = all.iter().filter(|doubt| doubt.starts_with("between materials")).collect();
     assert_eq!(pairs.len(), 20, "{all:?}");
     // 150 materials have the key and 150 do not; one pair has an interaction with it.
-    let one_more = format!("so it is between {} more pairs of materials", 150 * 150 - 20);
+    let one_more = format!("the same applies to {} more pairs of materials", 150 * 150 - 20);
     assert!(all.contains(&one_more), "{all:?}");
     let plan = plan(&silent, 1);
     let of_shapes = plan.lines().filter(|line| line.trim_start().starts_with("shape ")).count();

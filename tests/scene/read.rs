@@ -167,15 +167,15 @@ fn meshes_are_read_however_they_are_written() {
             b"v 0,5 0 0\n".to_vec(),
             "line 1: `0,5` is not a finite number; decimals are written with a point",
         ),
-        ("a.obj", b"v 0 0\n".to_vec(), "line 1: a corner has three coordinates, this one has 2"),
+        ("a.obj", b"v 0 0\n".to_vec(), "line 1: a corner needs three coordinates, not 2"),
         (
             "a.obj",
             b"v 0 0 0\n\nf 1 2 3\n".to_vec(),
             "line 3: this face has the corner 2; the file has 1",
         ),
-        ("a.obj", b"v 0 0 0\nf 1 -2 3\n".to_vec(), "line 2: `-2` is no corner of a face"),
-        ("a.obj", b"v 0 0 0\nf 1 0 3\n".to_vec(), "line 2: `0` is no corner of a face"),
-        ("a.stl", stl.as_bytes()[..55].to_vec(), "line 4: the file ends here, before `endsolid`"),
+        ("a.obj", b"v 0 0 0\nf 1 -2 3\n".to_vec(), "line 2: `-2` is not a corner of a face"),
+        ("a.obj", b"v 0 0 0\nf 1 0 3\n".to_vec(), "line 2: `0` is not a corner of a face"),
+        ("a.stl", stl.as_bytes()[..55].to_vec(), "line 4: the file ends before `endsolid`"),
         (
             "a.stl",
             stl.replace("1 0 0", "1 0 nan").into_bytes(),
@@ -189,10 +189,10 @@ fn meshes_are_read_however_they_are_written() {
         (
             "a.stl",
             stl.replace("outer loop", "outer loops\nloop").into_bytes(),
-            "line 4: `vertex` or `endloop` should stand here, not `loop`",
+            "line 4: expected `vertex` or `endloop`, not `loop`",
         ),
-        ("a.stl", TRIANGLE.as_bytes().to_vec(), "line 1: `solid` should stand here, not `facet`"),
-        ("a.stl", cut, "it says that it has 1 triangles, and has bytes for 0"),
+        ("a.stl", TRIANGLE.as_bytes().to_vec(), "line 1: expected `solid`, not `facet`"),
+        ("a.stl", cut, "its header gives 1 triangles, but its bytes are for 0"),
         ("a.stl", huge, "triangle 0 (the first is 0) has a coordinate that is not finite"),
     ];
     for (name, bytes, wrong) in cases {
@@ -277,13 +277,13 @@ fn corners_within_faces_are_refused() {
     let l = [[0.0, 0.0], [0.02, 0.0], [0.02, 0.01], [0.01, 0.01], [0.01, 0.02], [0.0, 0.02]];
     let errors = refused(&outline(&l), Path::new(""));
     assert!(
-        errors.contains("point 3 (the first is 0) lies within a face of the convex hull"),
+        errors.contains("point 3 (the first is 0) is within a face of the convex hull"),
         "{errors}"
     );
     // The corner is off the face by rounding, outwards and inwards.
     for off in [-1e-11, 1e-11] {
         let off = outline(&l).replace("[0.01, 0.01, 0.0]", &format!("[0.01, 0.01, {off:e}]"));
-        assert!(refused(&off, Path::new("")).contains("lies within a face"));
+        assert!(refused(&off, Path::new("")).contains("is within a face"));
     }
     let volume = |points: &[[f64; 2]]| {
         parse(&outline(points), Path::new("")).unwrap().library.shapes[0].volume()
@@ -322,7 +322,7 @@ fn what_once_panicked_is_refused() {
         ] {
             let errors = refused(&text, folder.path());
             assert!(
-                errors.contains("leaves the range of lengths, from 1e-40 to 1e30 m"),
+                errors.contains("is outside the range of lengths, 1e-40 to 1e30 m"),
                 "{errors}"
             );
         }
@@ -527,6 +527,6 @@ fn folders_that_cannot_be_are_named() {
             program(env!("CARGO_BIN_EXE_dem-mpi"), &["scene.toml", "--out", out], folder.path());
         let said = said(&output);
         assert_eq!(output.status.code(), Some(2));
-        assert!(said.contains("no run can write into") && !said.contains("disk"), "{said}");
+        assert!(said.contains("cannot write into") && !said.contains("disk"), "{said}");
     }
 }

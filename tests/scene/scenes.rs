@@ -136,8 +136,8 @@ fn solids_are_read() -> Result<()> {
         "spherocylinder-polyhedron: cores",
         "polyhedron-polyhedron: thickness",
         "polyhedron-rounded-polyhedron: thickness",
-        "its centre lies at [1.0000e-2, 2.0000e-2, 3.0000e-2] m of its file, its axes turned by the \
-         quaternion [1.000000, 0.000000, 0.000000, 0.000000]",
+        "its centre is at [1.0000e-2, 2.0000e-2, 3.0000e-2] m in its file, its axes are rotated by the quaternion \
+         [1.000000, 0.000000, 0.000000, 0.000000]",
     ] {
         assert!(page.contains(line), "no \"{line}\" in\n{page}");
     }
@@ -155,15 +155,18 @@ fn other_units_are_doubtful() -> Result<()> {
     let meshes = "mesh_walls.toml";
     assert_eq!(doubts_with(meshes, &[])?, Vec::<String>::new());
     for (changes, words) in [
-        (&["material.glass.friction=30"][..], "is it an angle in degrees? Its tangent is 0.58"),
-        (&["wall.box.shift=[1, 0, 0]"], "stands outside the domain: is the `scale` of its mesh"),
+        (
+            &["material.glass.friction=30"][..],
+            "if this is an angle in degrees, its coefficient is 0.58",
+        ),
+        (&["wall.box.shift=[1, 0, 0]"], "is outside the domain: check the `scale` of its mesh"),
         (&["wall.box.scale=1", "wall.box.shift=[7, -21, -30]"], "times as large as the domain"),
     ] {
         let doubts = doubts_with(meshes, changes)?;
         assert!(matches!(&doubts[..], [doubt] if doubt.contains(words)), "{changes:?}: {doubts:?}");
     }
     let pressed = |stress: &str| doubts_with("every_key.toml", &[stress]);
-    let is_pressed = |doubts: Vec<String>| doubts.iter().any(|d| d.contains("into each other"));
+    let is_pressed = |doubts: Vec<String>| doubts.iter().any(|d| d.contains("causes overlaps"));
     assert!(!is_pressed(pressed("servo.0.stress=1")?));
     assert!(is_pressed(pressed("servo.0.stress=1e9")?));
     let lid = doubts_with("every_key.toml", &["servo.0.stress=1", "motion.0.force=-1e9"])?;
@@ -194,7 +197,7 @@ fn steps_and_duration() -> Result<()> {
     for (overrides, message) in [
         (&["time.steps=5"][..], "give either `steps` or `duration`, not both"),
         (&["time.step=automatic"], "must be a number greater than 0 [s], or \"auto\""),
-        (&["time.duration=1e30"], "is more steps than can be counted"),
+        (&["time.duration=1e30"], "is more steps than the maximum"),
         (&["time.step=1e-3"], "step = \"auto\""),
     ] {
         let error = read(overrides).unwrap_err();
@@ -254,7 +257,7 @@ fn errors_name_the_file_and_the_line() {
     let error = Scene::read(Path::new("tests/scenes/bad/key_twice.toml"), &[]).unwrap_err();
     let text = error.to_string();
     assert!(
-        text.starts_with("1 mistake in the scene\ntests/scenes/bad/key_twice.toml:23: "),
+        text.starts_with("1 error in the scene\ntests/scenes/bad/key_twice.toml:23: "),
         "{text}"
     );
     let error = Scene::read(Path::new("no/such.toml"), &[]).unwrap_err();
@@ -460,7 +463,7 @@ fn wrong_overrides_are_named() {
             "shape.6.radius=1",
             "there is no `6` here (there are: ball, bead, egg, rice, brick, pebble)",
         ),
-        ("time.step.size=1", "`size` leads nowhere: before it stands a number"),
+        ("time.step.size=1", "`size` does not exist: its parent is a number"),
         (
             "time.stps=5",
             "time.stps = 5: no such key, did you mean `steps`? (allowed here: step, steps, duration, \
@@ -599,15 +602,14 @@ fn mistakes_of_included_files_have_their_places() {
     assert_eq!(
         mistakes(circle.path(), "scene.toml", &[]),
         [
-            "of/other.toml:2: include = \"../part.toml\": goes in a circle: part.toml includes of/other.toml includes of/../part.toml"
+            "of/other.toml:2: include = \"../part.toml\": is circular: part.toml includes of/other.toml includes \
+             of/../part.toml"
         ]
     );
     let itself = files(&[("scene.toml", "include = \"scene.toml\"\n")]);
     assert_eq!(
         mistakes(itself.path(), "scene.toml", &[]),
-        [
-            "scene.toml:1: include = \"scene.toml\": goes in a circle: scene.toml includes scene.toml"
-        ]
+        ["scene.toml:1: include = \"scene.toml\": is circular: scene.toml includes scene.toml"]
     );
     for (include, said) in [
         (
@@ -624,13 +626,16 @@ fn mistakes_of_included_files_have_their_places() {
     let set = mistakes(with(PART).path(), "scene.toml", &["include=part.toml"]);
     assert_eq!(
         set,
-        ["--set include=part.toml: include = \"part.toml\": is of a file, not of an override"]
+        ["--set include=part.toml: include = \"part.toml\": must be in a file, not an override"]
     );
     let deep: Vec<(String, String)> =
         (0..20).map(|k| (format!("{k}.toml"), format!("include = \"{}.toml\"\n", k + 1))).collect();
     let deep: Vec<(&str, &str)> = deep.iter().map(|(name, text)| (&**name, &**text)).collect();
     let found = mistakes(files(&deep).path(), "0.toml", &[]);
-    assert!(found[0].contains("is too much: a scene has at most 100 files, and 16"), "{found:?}");
+    assert!(
+        found[0].contains("exceeds the limit: a scene has at most 100 files, nested 16"),
+        "{found:?}"
+    );
 }
 
 /// A stage that is `like` the previous one, in another folder, with a mesh.
@@ -683,8 +688,7 @@ fn a_stage_that_is_like_none_says_so() -> Result<()> {
     let own = "[time]\nstep = 2e-5\nsteps = 3\n[output]\ndirectory = \"next\"\n";
     let of = |head: &str| files(&[("scene.toml", &format!("{head}\n{own}"))]);
     let without_start = of("like = \"start\"");
-    let said =
-        "scene.toml:1: like = \"start\": there is no `start`: the snapshot whose scene is meant";
+    let said = "scene.toml:1: like = \"start\": needs `start`, the snapshot with the scene to use";
     assert_eq!(mistakes(without_start.path(), "scene.toml", &[]), [said]);
     let other = of("like = \"begin\"");
     let said = "scene.toml:1: like = \"begin\": no such choice (allowed: start)";
@@ -976,11 +980,11 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
     for line in [
         "sphere-sphere: closed form",
         "no orientation: all shapes are spheres",
-        "no rotation: spheres without friction feel no moment",
+        "no rotation: spheres without friction have no moment",
         "no tangential history: friction is 0 everywhere",
         "no gravity",
         "no insertion: no rain, no inlet",
-        "no work of walls: none moves",
+        "no work of walls: no moving walls",
         "not in snapshots: scale, group, quaternion, angular_velocity, torque, dissipated_by_tangential_dashpots, dissipated_by_friction, dissipated_by_turning, \
          dissipated_by_damping, dissipated_by_adhesion, velocity_ahead, angular_velocity_ahead, image, angular_momentum",
         "no walls on these sides of the domain: -x, +x, -y, +y, -z, +z",
@@ -1018,8 +1022,8 @@ fn a_plan_says_what_is_left_out() -> Result<()> {
         "moving walls    -y, +y, -z, lid, trough",
         "servo           -y, +y: 1e5 Pa, at most 5e-1 m/s, gain 0.8",
         "sums            a sum of 2144 bytes over all ranks in each step",
-        "columns         position, velocity, force; angular velocity, torque; \
-         orientation, angular momentum; counts of periods; scales; gains of velocities ahead",
+        "columns         position, velocity, force; angular velocity, torque; orientation, angular momentum; period \
+         counts; scales; predicted velocity increments",
         "152 bytes in the message of each step",
         "audit           every 500 steps about 30 contacts resolved again",
         "Left out\n  not in snapshots: dissipated_by_turning, dissipated_by_adhesion\n",
@@ -1066,7 +1070,7 @@ fn the_plan_counts_the_steps_that_rain_needs() -> Result<()> {
         let overrides = ["gravity=[0, 0, -9.81]".to_owned(), set.to_owned()];
         Ok(plan(&Scene::parse(scene, "rain", Path::new(""), &overrides)?, 1))
     };
-    let late = "a layer leaves its slab after 600 steps, so the last of 3 appears at step 1400 or later, and there are 1200 steps";
+    let late = "a layer leaves its slab after 600 steps, so the last of 3 appears at step 1400 or later, but the stage has 1200 steps";
     let short = with_steps("time.steps=1200")?;
     assert!(short.contains(late) && short.contains("one in 600 steps"), "{short}");
     for enough in ["time.steps=1401", "fill.rain.velocity=[0, 0, -0.3]"] {
@@ -1074,7 +1078,7 @@ fn the_plan_counts_the_steps_that_rain_needs() -> Result<()> {
         assert!(!long.contains("will not fall"), "{long}");
     }
     // 48 balls make a bed of 25 mm, from which the slab is 165 mm away: a fall of 183.6 ms after step 1400.
-    let falling = "the last appears at step 1400 or later and needs some 1837 steps to the bed, and there are 3000 steps";
+    let falling = "the last appears at step 1400 or later and needs some 1837 steps, but the stage has 3000 steps";
     let short = with_steps("time.steps=3000")?;
     assert!(short.contains(falling), "{short}");
     assert!(!with_steps("time.steps=3300")?.contains("rain will"));
@@ -1125,9 +1129,10 @@ count = [1, 1, 1]
     let [doubt] = &doubts_of("")?[..] else { panic!("{:?}", doubts_of("")?) };
     assert_eq!(
         doubt,
-        "between materials \"glass\" and \"steel\" `friction` is 0, as \"steel\" gives none; dashpots of `restitution` are half as strong \
-         as of the other, as \"steel\" gives none; `rolling_friction` is 0, as \"steel\" gives none; `surface_energy` is 0, as \"steel\" gives \
-         none: give it there, as 0 (`restitution` as 1) if that is meant, or in an [[interaction]] of both"
+        "between materials \"glass\" and \"steel\" `friction` is 0, because \"steel\" has none; dashpots of \
+         `restitution` have half the strength of the other, because \"steel\" has none; `rolling_friction` is 0, \
+         because \"steel\" has none; `surface_energy` is 0, because \"steel\" has none: set it there, to 0 \
+         (`restitution` to 1) if that is intended, or in an [[interaction]] of both"
     );
     // The interaction names the materials in another order and gives a part of the keys.
     let both = "[[interaction]]\nbetween = [\"steel\", \"glass\"]\nfriction = 0.1\n";
@@ -1181,7 +1186,7 @@ normal = [0, 0, -1]
     for moving in ["velocity = [0, 0, -0.01]\n", turning, &swinging] {
         assert_eq!(doubts_of(moving)?, Vec::<String>::new());
         let doubts = doubts_of(&(moving.to_owned() + stop))?;
-        let told = "[stop] has `unbalanced`, which is of bodies that come to rest, and wall \"lid\" never stops";
+        let told = "[stop] `unbalanced` needs bodies at rest, but wall \"lid\" moves for ever";
         assert!(matches!(&doubts[..], [doubt] if doubt.starts_with(told)), "{moving}: {doubts:?}");
     }
     // Motions that end by themselves, or that the particles stop.
@@ -1192,7 +1197,7 @@ normal = [0, 0, -1]
     }
     assert_eq!(doubts_of(&format!("{stop}after = 1e-4\n"))?, Vec::<String>::new());
     let doubts = doubts_of(&format!("{stop}after = 1.1e-4\n"))?;
-    let told = "[stop] is looked at after 0.00011 s, and the stage lasts 1.000e-4 s";
+    let told = "[stop] is checked only after 0.00011 s, but the stage lasts 1.000e-4 s";
     assert!(matches!(&doubts[..], [doubt] if doubt.starts_with(told)), "{doubts:?}");
     Ok(())
 }

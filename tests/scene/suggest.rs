@@ -1,6 +1,6 @@
 //! `--suggest`: its proposals against closed forms.
 
-use dem_mpi::scene::suggest::{FIRST, Question, Trials, Unanswered, Variant, suggest};
+use dem_mpi::scene::suggest::{FIRST, Question, TrialError, Trials, Variant, suggest};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicUsize;
 
@@ -124,8 +124,8 @@ fn where_nothing_touches_there_is_nothing_to_compare() {
     let apart = swinging().replace("walls = [\"-z\"]\n", "").replace("-9.81", "0.0");
     let ((_folder, file), signal) = (file(&apart), AtomicUsize::new(0));
     match suggest(&asked(&file, 0.01, &signal), &mut |_| ()) {
-        Err(Unanswered::Input(why)) => {
-            assert!(why.contains("nothing to compare") && why.contains("--start"), "{why}");
+        Err(TrialError::Input(why)) => {
+            assert!(why.contains("no particle has a contact") && why.contains("--start"), "{why}");
         }
         other => panic!("{other:?}"),
     }
@@ -136,5 +136,5 @@ fn where_nothing_touches_there_is_nothing_to_compare() {
 fn a_signal_ends_the_trials() {
     let ((_folder, file), signal) = (file(&swinging()), AtomicUsize::new(15));
     let found = suggest(&asked(&file, 0.01, &signal), &mut |_| ());
-    assert_eq!(found, Err(Unanswered::Signal(15)));
+    assert_eq!(found, Err(TrialError::Signal(15)));
 }

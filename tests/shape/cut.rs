@@ -70,7 +70,7 @@ fn a_mesh_is_cut_into_pieces() {
     assert!(told.contains(&format!("(V-HACD of parry3d-f64 {version}, 64 cells")), "{told}");
     let text = text.replace("tolerance = 0.1", "tolerance = 0.01");
     let refused = Scene::parse(&text, "test", Path::new(""), &[]).unwrap_err().to_string();
-    assert!(refused.contains("more than `tolerance` = 0.01: take more `pieces`"), "{refused}");
+    assert!(refused.contains("more than `tolerance` = 0.01: use more `pieces`"), "{refused}");
 }
 
 /// A stage keeps the pieces of its snapshot, even if the library would now cut the mesh differently.

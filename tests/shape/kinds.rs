@@ -80,7 +80,7 @@ fn a_packing_of_all_kinds_comes_to_rest() {
     assert!(contacts > 150, "a packing, not a gas: {contacts} contacts");
     let missing = end.number("missing") / end.number("dissipated");
     println!("missing {missing:e}");
-    assert!(missing.abs() < 1e-2, "{missing} of what was dissipated is missing");
+    assert!(missing.abs() < 1e-2, "{missing} of the dissipated energy is missing");
     let [early, late] = [early, end].map(|state| state.number("kinetic"));
     assert!(late < 2e-3 * early, "{early:e} J, then {late:e} J");
 }

@@ -646,7 +646,7 @@ fn sizes_of_a_start_count_as_those_of_the_scene() {
     let over = format!("time.step = {long:?}: over the stable limit of {:.2e} s", 0.995 * small);
     for (step, speed, line, said) in [
         (format!("{long:?}"), 0.0, "step = ", over.as_str()),
-        ("2e-6".to_owned(), -fast, "velocity = ", "of the shortest axis of the smallest grain"),
+        ("2e-6".to_owned(), -fast, "velocity = ", "of the shortest particle axis"),
     ] {
         // Particles of the shape's own size are accepted.
         parsed(&text("", ONE, &step, speed)).unwrap();
@@ -917,7 +917,7 @@ fn the_report_holds_sizes_against_what_was_asked_for() {
     assert!((asked.by_mass_d10_d50_d90[1] - 1.0).abs() < 1e-4, "{asked:?}");
     assert!((found.by_mass_d10_d50_d90[1] - 1.0).abs() < 1e-2, "{found:?}");
     let plots = dem_mpi::post::sizes::plots(&sizes).unwrap();
-    assert!(plots.len() == 1 && plots[0].svg.contains("by mass, asked for"));
+    assert!(plots.len() == 1 && plots[0].svg.contains("by mass, requested"));
 }
 
 /// A size distribution gives a warning if all its particles are listed without scales. Listed scales beyond the distribution are reported

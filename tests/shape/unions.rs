@@ -127,7 +127,7 @@ fn two_balls_have_their_lens_once() {
     let unlike = Union::new(unlike).expect("a body");
     close(unlike.volume(), 4.0 / 3.0 * PI * 1.125, 1e-14, "that touch");
     let mistake = Union::new(vec![piece(&ball(1.0), [0.0; 3]), piece(&ball(0.4), [0.5, 0.0, 0.0])]);
-    assert!(mistake.unwrap_err().to_string().contains("piece 2 lies within piece 1"));
+    assert!(mistake.unwrap_err().to_string().contains("piece 2 is within piece 1"));
 }
 
 /// Volumes from lines through a grid agree with closed forms within their reported error.

@@ -3,7 +3,7 @@
 use crate::support::{MATERIAL, begun, save, scene};
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::scene::Scene;
-use dem_mpi::scene::assemble::{self, Continuation, TakenUp};
+use dem_mpi::scene::assemble::{self, Continuation, RestartInfo};
 use dem_mpi::sim::Simulation;
 use std::path::Path;
 
@@ -19,7 +19,11 @@ const BALL: &str = "[[shape]]\nname = \"ball\"\nkind = \"sphere\"\nradius = 0.00
 const SPACER: &str = "[[shape]]\nname = \"spacer\"\nkind = \"sphere\"\nradius = 0.001\n";
 const FILL: &str = "[[fill.lattice]]\nshapes = [\"ball\"]\nfirst = [0.01, 0.01, 0.0019999]\nspacing = 0.01\ncount = [2, 2, 1]\nvelocity = [0.1, 0, 0]\n";
 
-fn taken(scene: &Scene, folder: &Path, how: Continuation) -> (Simulation, Result<TakenUp, String>) {
+fn taken(
+    scene: &Scene,
+    folder: &Path,
+    how: Continuation,
+) -> (Simulation, Result<RestartInfo, String>) {
     let mut comm = Alone::default();
     let mut sim = assemble::assemble(scene, &comm);
     let taken = assemble::take_up(&mut sim, scene, folder, how, &mut comm);
@@ -43,7 +47,10 @@ fn the_stage_before_is_not_this_one() {
     let start = format!("start = {:?}", folder.path());
     let next = scene(&text(&start, MATERIAL, BALL, ""));
     let refused = taken(&next, folder.path(), Continuation::SameStage).1.unwrap_err();
-    assert!(refused.contains("it is of another stage: its scene's `start` is none"), "{refused}");
+    assert!(
+        refused.contains("it belongs to another stage: its scene's `start` is none"),
+        "{refused}"
+    );
     let (mut sim, found) = taken(&next, folder.path(), Continuation::NewStage);
     found.unwrap();
     // After its start the stage's own snapshots can be continued.
@@ -51,7 +58,7 @@ fn the_stage_before_is_not_this_one() {
     save(&sim, folder.path(), &next, &mut Alone::default());
     taken(&next, folder.path(), Continuation::SameStage).1.unwrap();
     let refused = taken(&before, folder.path(), Continuation::SameStage).1.unwrap_err();
-    assert!(refused.contains("it is of another stage"), "{refused}");
+    assert!(refused.contains("it belongs to another stage"), "{refused}");
 }
 
 /// A shape without remaining particles may be missing from the scene.

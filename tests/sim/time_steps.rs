@@ -211,7 +211,7 @@ fn a_step_of_its_own_follows_the_limit() {
     let [whole, legs] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     let (state, times, finish) = leg(&scene, whole.path(), 1, None, None);
     let changes =
-        |finish: &Finish| finish.warnings.iter().filter(|text| text.contains("steps take")).count();
+        |finish: &Finish| finish.warnings.iter().filter(|text| text.contains("steps are")).count();
     println!("{:e} s, then {times:?}; {:#?}", scene.dt, finish.warnings);
     assert!(changes(&finish) >= 2 && times[0] < 0.7 * scene.dt, "{:?}", finish.warnings);
     assert!(times[1] >= 0.05 * (1.0 - 1e-9) && times[1] < 0.05 + times[0], "{times:?}");
@@ -261,7 +261,7 @@ fn a_stage_that_begins_pressed_has_the_step_for_it() {
     let [one, two] = [(); 2].map(|()| tempfile::tempdir().unwrap());
     let (state, times, finish) = leg(&unloading, one.path(), 1, None, None);
     println!("{:e} s, then {times:?}; {:?}", unloading.dt, finish.warnings);
-    assert!(finish.warnings[0].contains("steps take"), "{:?}", finish.warnings);
+    assert!(finish.warnings[0].contains("steps are"), "{:?}", finish.warnings);
     assert!(times[0] < 0.75 * unloading.dt);
     let (same, same_times, _) = leg(&unloading, two.path(), 2, None, None);
     assert!(same == state && same_times == times);
@@ -316,7 +316,7 @@ fn a_run_ends_for_the_contacts_that_are_there() {
         let finish = outcome(&falls(1.1 * packed), ranks).unwrap();
         let missing = finish.measures.missing().abs() / finish.measures.kinetic();
         println!("{deepest:.3} of the radius, {:e} s: {missing:e}", 1.1 * packed);
-        assert!(finish.stiffened.is_none_or(|words| words.contains("still below it")));
+        assert!(finish.stiffened.is_none_or(|words| words.contains("still above the step")));
         assert!(missing < 1e-3, "{missing:e} of the energy is missing");
         let fault = outcome(&falls(1.5 * packed), ranks).unwrap_err().to_string();
         assert!(fault.contains("over the stable limit"), "{fault}");
@@ -339,14 +339,14 @@ fn contacts_that_jump_between_stages_are_warned_of() {
     let springs =
         "normal_stiffness = 1e3\nfriction = 0.5\nrestitution = 0.5\ntangential_damping_ratio = 0.1";
     let cases = [
-        (hertz, soft, hertz, soft.replace("2e6", "1e7"), "contacts press 5 times as hard", 5.0),
-        (hertz, soft, hertz, soft.replace("0.5", "0.05"), "dashpots along the normal are", 1.0),
+        (hertz, soft, hertz, soft.replace("2e6", "1e7"), "contacts are 5 times as stiff", 5.0),
+        (hertz, soft, hertz, soft.replace("0.5", "0.05"), "normal dashpots are", 1.0),
         (
             "",
             springs,
             "",
             springs.replace("1e3", "2.5e2"),
-            "contacts press 0.25 times as hard",
+            "contacts are 0.25 times as stiff",
             0.25,
         ),
         (
@@ -372,7 +372,7 @@ fn contacts_that_jump_between_stages_are_warned_of() {
         save(&sim, folder.path(), &before, &mut comm);
         let next = scene(&text(law_now, &material_now, &format!("start = {:?}", folder.path())));
         let warned: Vec<String> = doubts::doubts(&next);
-        let is_said = |text: &&String| text.contains("not those of the snapshot");
+        let is_said = |text: &&String| text.contains("differ from those of the snapshot");
         match said {
             "" => assert_eq!(warned.iter().find(is_said), None),
             said => {
@@ -405,11 +405,11 @@ fn a_servo_is_warned_of_by_its_own_stress() {
              [[fill.lattice]]\nfirst = [0.02, 0.02, 0.02]\nspacing = 0.02\ncount = [2, 2, 2]\n\
              [time]\nstep = \"auto\"\nsteps = 10\n"
         ));
-        doubts::doubts(&scene).into_iter().find(|text| text.contains("presses grains"))
+        doubts::doubts(&scene).into_iter().find(|text| text.contains("causes overlaps"))
     };
     assert_eq!(warned(1e4), None);
     let percent = 50.0 * (26.0 * 1e7 / (0.5 * youngs / (1.0 - poisson * poisson))).powf(2.0 / 3.0);
-    let words = format!("1e7 Pa presses grains into each other by up to {percent:.0} %");
+    let words = format!("1e7 Pa causes overlaps of up to {percent:.0} %");
     let warning = warned(1e7).expect("it presses");
     assert!(warning.contains(&words), "{warning}, not {words}");
 }
@@ -432,8 +432,8 @@ fn what_is_most_often_a_mistake_is_warned_of() {
     };
     let good = text("\"-z\"", -1.0, 1000, "");
     for (text, part) in [
-        (text("\"-z\"", 1.0, 1000, ""), "thrown upwards"),
-        (text("\"-z\"", -1.0, 1, ""), "snapshot_every = 1 makes some 60000 snapshots"),
+        (text("\"-z\"", 1.0, 1000, ""), "rise first"),
+        (text("\"-z\"", -1.0, 1, ""), "snapshot_every = 1 writes some 60000 snapshots"),
         (text("\"+z\"", -1.0, 1000, ""), "through the side -z"),
     ] {
         assert!(told(&text, part), "{part}");

@@ -220,5 +220,5 @@ fn audits_say_that_they_leave_out_unions() {
     assert_eq!(bench.sim.contacts.len(), 3);
     let audit = bench.sim.audit.figures(&bench.sim, &mut comm);
     assert!((audit.contacts, audit.without_unions) == (1, true), "{audit:?}");
-    assert!(plan(&scene, 1).contains("contacts of unions are left out of it"));
+    assert!(plan(&scene, 1).contains("without contacts of unions"));
 }

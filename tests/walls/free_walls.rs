@@ -234,14 +234,14 @@ fn a_stage_goes_on_until_the_lid_has_landed() {
     // A stage that is too short reports the unmet condition.
     let short = ended(&falls.replace("steps = 40000", "steps = 5000"));
     assert_eq!(short.ending, Ending::LastStep);
-    assert_eq!(short.unmet, "wall \"lid\" moves freely, and no grain touches it");
+    assert_eq!(short.unmet, "wall \"lid\" moves freely, and no particle touches it");
     let motion = "[[motion]]\nwalls = [\"lid\"]\nalong = [0, 0, 2]\nmass = 0.05\n";
     let with_servo = falls
         .replace(motion, "[[servo]]\nwalls = [\"lid\"]\nforce = 1.0\n")
         .replace("steps = 40000", "steps = 200");
     let short = ended(&with_servo);
     assert!(
-        short.unmet.contains("wall lid has a servo, and no grain touches it"),
+        short.unmet.contains("wall lid has a servo, and no particle touches it"),
         "{}",
         short.unmet
     );
@@ -324,17 +324,17 @@ fn what_cannot_be_free_is_refused() {
     let good = crowd();
     for (from, to, said) in [
         ("mass = 0.5", "mass = 0", "a number greater than 0"),
-        ("walls = [\"lid\"]", "walls = [\"lid\", \"lid\"]", "stands there twice"),
+        ("walls = [\"lid\"]", "walls = [\"lid\", \"lid\"]", "occurs twice"),
         (
             "mass = 0.5\nforce = -20",
             "amplitude = 1\nfrequency = 1\nforce = -20",
-            "is of a wall with a `mass`",
+            "needs a wall with a `mass`",
         ),
-        ("mass = 0.5", "mass = 0.5\nfrequency = 1", "stands beside `mass`"),
+        ("mass = 0.5", "mass = 0.5\nfrequency = 1", "not with `mass`"),
         (
             "along = [0, 0, 1]",
             "about = [0, 0, 0]\naxis = [0, 0, 1]",
-            "is of a motion `along` a direction",
+            "needs a motion `along` a direction",
         ),
         (
             "force = -20\n",
@@ -370,7 +370,7 @@ fn a_free_wall_says_what_is_wrong() {
         (warnings, String::new())
     };
     let (warnings, error) = step_until_error(&crowd().replace("mass = 0.5", "mass = 1e-6"), 4000);
-    assert!(error.contains("\"lid\" of 1e-6 kg swings"), "{error} {warnings:?}");
+    assert!(error.contains("\"lid\" of 1e-6 kg oscillates"), "{error} {warnings:?}");
     let light = below_a_lid(
         2.5e-7,
         1.0,
@@ -382,7 +382,7 @@ fn a_free_wall_says_what_is_wrong() {
     let (warnings, error) = step_until_error(&light, 1000);
     assert!(error.is_empty() && warnings.len() == 1, "{error} {warnings:?}");
     assert!(
-        warnings[0].contains("by 1.2") && warnings[0].contains("take a step of"),
+        warnings[0].contains("by 1.2") && warnings[0].contains("use a step of"),
         "{warnings:?}"
     );
     let empty = crowd()

@@ -765,7 +765,7 @@ fn meshes_that_are_no_surface_are_refused_and_others_are_described() {
     halves.extend(square(at(1.0, 0.0), at(2.0, 0.0), at(2.0, 0.5), at(1.0, 0.5)));
     let mesh = TriangleMesh::new(&halves, 0.1).unwrap();
     assert_eq!((mesh.len(), mesh.findings().cut, mesh.findings().open_edges), (5, 1, 7));
-    assert!(mesh.summary().contains("1 cuts of triangles"), "{}", mesh.summary());
+    assert!(mesh.summary().contains("1 divisions of triangles"), "{}", mesh.summary());
     assert_eq!(
         TriangleMesh::new(&[[at(0.0, 0.0), at(1.0, 1.0), at(2.0, 2.0)]], 0.1),
         Err(SurfaceError::Empty)
@@ -781,7 +781,7 @@ fn meshes_that_are_no_surface_are_refused_and_others_are_described() {
     let mesh = TriangleMesh::new(&odd, 0.1).unwrap();
     let findings = mesh.findings();
     assert_eq!((findings.left_out, findings.crowded_edges), (2, 1));
-    assert!(mesh.summary().contains("1 edges of three triangles or more"), "{}", mesh.summary());
+    assert!(mesh.summary().contains("1 edges of three or more triangles"), "{}", mesh.summary());
     // A ball in front of that edge does not touch the edge, as the third triangle stands there.
     let ball = Shape::Sphere(Sphere { radius: 0.1 });
     close(

@@ -482,15 +482,11 @@ fn bad_round_walls_are_refused() {
     for (from, to, said) in [
         ("radius = 0.0115", "radius = 0", "a number greater than 0"),
         ("to = [0, 0.006, 0]", "to = [0, -0.006, 0]", "are the same point"),
-        ("cylinder = {", "smooth = 5\ncylinder = {", "is of a `mesh`"),
+        ("cylinder = {", "smooth = 5\ncylinder = {", "needs a `mesh`"),
         ("cylinder = {", "point = [0, 0, 0]\ncylinder = {", "a wall has one surface"),
         ("radius = 0.0115", "radius = 0.0115, side = 1", "side"),
         ("cylinder = { from", "cone = { from", "a list of two: [from, to]"),
-        (
-            "walls = [\"-y\", \"+y\"]",
-            "periodic = [true, false, false]",
-            "must go through this period",
-        ),
+        ("walls = [\"-y\", \"+y\"]", "periodic = [true, false, false]", "must span this period"),
     ] {
         expect_refused(&good, from, to, said);
     }

@@ -120,9 +120,9 @@ fn a_wall_that_leaves_the_domain_is_doubtful() {
             .replace("point = [0, 0, 0]\nnormal = [0, 0, 1]\n", "")
             .replace("steps = 1\n", &format!("steps = {steps}\n"));
         let doubts = doubts(&scene(&text));
-        doubts.iter().any(|doubt| {
-            doubt.contains("wall \"floor\" moves out of the domain with its `velocity`")
-        })
+        doubts
+            .iter()
+            .any(|doubt| doubt.contains("wall \"floor\" leaves the domain with its `velocity`"))
     };
     // The rear moves by 0.3 m in either direction.
     assert!(says(0.4, 76_000) && says(-0.4, 76_000));
@@ -415,7 +415,7 @@ fn bad_tables_are_refused_with_their_line() {
     let text = shaken(&table, "linear");
     scene(&text);
     for (from, to, said) in [
-        ("0.02,0.001", "0.01,0.001", "line 6: time 0.01 does not come after 0.01"),
+        ("0.02,0.001", "0.01,0.001", "line 6: time 0.01 is not after 0.01"),
         ("0,0\n", "0.1,0\n", "line 2: the first time must be 0"),
         ("0.001\n", "up\n", "line 6: `up` is not a number"),
         ("0.0005", "0.0005,3", "line 3 has 3 numbers, not 2"),
@@ -424,17 +424,17 @@ fn bad_tables_are_refused_with_their_line() {
             "angle_deg",
             "must have the columns time_s,displacement_m; it has time_s,angle_deg",
         ),
-        ("0.01,0.0005\n\n# then\n0.02,0.001\n", "", "must have two rows at least"),
+        ("0.01,0.0005\n\n# then\n0.02,0.001\n", "", "must have at least two rows"),
     ] {
         std::fs::write(&table, good.replacen(from, to, 1)).unwrap();
         expect_refused(&text, "[[motion]]", "[[motion]]", said);
     }
     std::fs::write(&table, good).unwrap();
     for (from, to, said) in [
-        ("frequency = 12", "frequency = 1e5", "motions must be slower by a factor"),
+        ("frequency = 12", "frequency = 1e5", "reduce motions by a factor"),
         ("walls = [\"drum\"]\nabout", "walls = [\"drums\"]\nabout", "no such wall"),
         ("along = [1, 0, 1]", "amplitude = 2", "`along` is missing"),
-        ("along = [1, 0, 1]", "along = [1, 0, 1]\nabout = [0, 0, 0]", "stands beside `along`"),
+        ("along = [1, 0, 1]", "along = [1, 0, 1]\nabout = [0, 0, 0]", "not with `along`"),
         (
             "along = [1, 0, 1]",
             "about = [0, 0, 0]\naxis = [0, 1, 0]",
@@ -848,7 +848,7 @@ fn a_turn_may_begin_within_a_stage() {
         let refused =
             assemble::take_up(&mut sim, &free, folder.path(), Continuation::NewStage, &mut comm);
         let refused = refused.unwrap_err().to_string();
-        assert!(refused.contains("it has wall \"floor\" turned"), "{refused}");
+        assert!(refused.contains("wall \"floor\" is turned"), "{refused}");
     }
 }
 
@@ -882,7 +882,7 @@ fn a_wall_that_a_stage_left_otherwise_is_told() {
         let servo = format!("[[servo]]\nwalls = [\"{wall}\"]\nstress = 1e4\n");
         let error = taken(&scene(&text("", &servo, upright))).0.unwrap_err().to_string();
         assert!(
-            error.contains(&format!("it has wall \"{wall}\", or one beside it, tilted")),
+            error.contains(&format!("wall \"{wall}\", or an adjacent one, is tilted")),
             "{error}"
         );
     }

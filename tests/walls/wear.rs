@@ -369,9 +369,9 @@ fn wear_that_begins_within_a_stage_is_told() {
     let scenes = [&without, &with, &at_rest, &another].map(|text| scene(text));
     let same = [(1, 1), (1, 0), (0, 0)].map(|scenes| (scenes, ""));
     let others = [
-        ((1, 3), "wall \"floor\" did not wear before this restart, or had other triangles"),
-        ((0, 1), "wall \"floor\" did not wear before this restart"),
-        ((2, 1), "what wall \"floor\" does is summed from this restart on"),
+        ((1, 3), "wall \"floor\" had no wear before this restart, or other triangles"),
+        ((0, 1), "wall \"floor\" had no wear before this restart"),
+        ((2, 1), "the snapshot has no sums for wall \"floor\""),
     ];
     for ((first, then), told) in same.into_iter().chain(others) {
         let mut comm = Alone::default();

@@ -13,7 +13,7 @@
 
 use crate::math::Vec3;
 use crate::measure::COMPONENTS;
-use crate::walls::courses::Way;
+use crate::walls::courses::TimeFunction;
 use serde::{Deserialize, Serialize};
 
 /// Required strain rate or stress of a component; compression positive.
@@ -22,7 +22,7 @@ pub enum Goal {
     /// Strain rate [1/s].
     Rate(f64),
     /// Strain over the time since the stage began [-].
-    Path(Way),
+    Path(TimeFunction),
     /// Stress [Pa].
     Stress(f64),
     /// Mean stress along x, y and z, which have equal rates [Pa].
@@ -101,7 +101,7 @@ impl Control {
 
     /// Largest rates of all components at any time [1/s].
     pub fn fastest(&self) -> [f64; 6] {
-        let of_path = |way: &Way| way.fastest();
+        let of_path = |way: &TimeFunction| way.fastest();
         self.rates_by(of_path, |_| self.max_rate)
     }
 
@@ -113,7 +113,7 @@ impl Control {
 
     fn rates_by(
         &self,
-        of_path: impl Fn(&Way) -> f64,
+        of_path: impl Fn(&TimeFunction) -> f64,
         mut of_stress: impl FnMut(usize) -> f64,
     ) -> [f64; 6] {
         let mut rates = [0.0; 6];

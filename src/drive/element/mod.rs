@@ -96,8 +96,8 @@ impl Element {
             let size = if goal == 0.0 { scale } else { goal.abs() };
             if records[k].note(moment.step, (now[0] - aim) / size) {
                 warnings.push(format!(
-                    "the stress {} of the cell has jumped from one side of its target to the other for {SWINGS} steps, and jumps no \
-                     less: the control is too quick for these grains. Set `cell.gain` = {:.2} or lower",
+                    "the stress {} of the cell oscillates about its target for {SWINGS} steps without decay: the \
+                     control is too fast for these particles. Set `cell.gain` = {:.2} or lower",
                     called(&goals[k], k),
                     0.5 * control.gain,
                 ));
@@ -118,7 +118,7 @@ impl Element {
 
     const fn unfinished(&self) -> Option<&'static str> {
         if self.ramps {
-            return Some("the targets of the cell are still under way");
+            return Some("the targets of the cell still change");
         }
         if self.on_path { Some("the strain paths of the cell have not ended") } else { None }
     }
@@ -254,11 +254,12 @@ impl Reporter for Element {
             let advice = if late.of_mean().abs() > 0.5 * late.mean_size() {
                 "Give it more steps or a higher `max_rate`"
             } else {
-                "The grains knock: let them lose energy (`restitution`, `friction`), strain them more slowly, take more of them, or, \
-                 if it swings, a lower `gain`"
+                "The stress fluctuates: increase dissipation (`restitution`, `friction`), strain more slowly, or use \
+                 more particles; if it oscillates, lower `gain`"
             };
             format!(
-                "the cell has not kept its stress {}: {:.1} % off in the mean of the last fifth of the steps. {advice}",
+                "the cell has not reached its stress {}: {:.1} % off in the mean of the last fifth of the steps. \
+                 {advice}",
                 called(&self.control.goals[k], k),
                 100.0 * late.mean_size(),
             )

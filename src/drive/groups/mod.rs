@@ -55,14 +55,14 @@ pub struct Group {
     /// Its name in the scene.
     pub name: String,
     /// The particles.
-    pub who: Who,
+    pub who: Selection,
     /// Their motion.
-    pub what: What,
+    pub what: GroupMotion,
 }
 
 /// Conditions that select the particles of a group; all must hold.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Who {
+pub struct Selection {
     /// Shapes; any if empty.
     pub shapes: Vec<ShapeId>,
     /// Region of the centres when the stage begins.
@@ -75,14 +75,14 @@ pub struct Who {
 
 /// The motion of the particles of a group.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum What {
+pub enum GroupMotion {
     /// Held on a course, regardless of forces.
     Held(Path),
     /// Free, with a push.
     Pushed(Push),
 }
 
-impl What {
+impl GroupMotion {
     /// Description for the plan.
     pub fn words(&self) -> String {
         match self {
@@ -117,17 +117,17 @@ impl Path {
 impl Group {
     /// Is the group held?
     pub const fn is_held(&self) -> bool {
-        matches!(self.what, What::Held(_))
+        matches!(self.what, GroupMotion::Held(_))
     }
 
     /// Does the group turn?
     pub const fn turns(&self) -> bool {
-        matches!(&self.what, What::Held(path) if path.course.turn.is_some())
+        matches!(&self.what, GroupMotion::Held(path) if path.course.turn.is_some())
     }
 
     /// Push of the group; `None` if it is held.
     pub const fn push(&self) -> Option<&Push> {
-        if let What::Pushed(push) = &self.what { Some(push) } else { None }
+        if let GroupMotion::Pushed(push) = &self.what { Some(push) } else { None }
     }
 
     /// Can it have particles of a shape when a stage begins?
@@ -142,7 +142,7 @@ impl Group {
 
     /// Does it select a particle that exists when the stage begins?
     fn names(&self, particle: &Particle, cell: &Cell) -> bool {
-        let Who { region, ids, .. } = &self.who;
+        let Selection { region, ids, .. } = &self.who;
         let id = particle.id.0;
         self.may_have(particle.shape)
             && region.as_ref().is_none_or(|region| region.holds(&particle.position, cell))
@@ -176,7 +176,7 @@ pub fn join(groups: &[Group], particle: &mut Particle, library: &Library, cell: 
     let found = groups.iter().position(|group| group.names(particle, cell));
     particle.group = found.map_or(0, |k| k as u16 + 1);
     take_shape(groups, particle, library);
-    if let Some(What::Held(path)) = found.map(|k| &groups[k].what) {
+    if let Some(GroupMotion::Held(path)) = found.map(|k| &groups[k].what) {
         let (velocity, turning) = path.course.first_velocities();
         particle.velocity = velocity + turning.cross(&(particle.position - path.about));
         *particle = particle.clone().spinning(turning, library);
@@ -203,7 +203,7 @@ impl Groups {
     fn members<'a>(
         &'a self,
         particles: &Particles,
-    ) -> impl Iterator<Item = (usize, &'a What)> + use<'a> {
+    ) -> impl Iterator<Item = (usize, &'a GroupMotion)> + use<'a> {
         let groups: Vec<(usize, usize)> = (0..particles.owned)
             .filter_map(|slot| Some((slot, particles.group_of(slot)?)))
             .collect();
@@ -213,7 +213,7 @@ impl Groups {
     /// Motion of the reference point and the axes of each group in a step of `dt` [s] from a time of the stage [s].
     fn strides(&self, time: f64, dt: f64) -> Vec<Option<Stride>> {
         let of = |group: &Group| match &group.what {
-            What::Held(path) if !path.is_still() => Some(Stride::of(path, time, dt)),
+            GroupMotion::Held(path) if !path.is_still() => Some(Stride::of(path, time, dt)),
             _ => None,
         };
         self.all.iter().map(of).collect()
@@ -318,8 +318,8 @@ impl Drive for Groups {
         for (Group { name, who, .. }, count) in self.all.iter().zip(steering.sums) {
             if *count == 0 && !who.by_inlet {
                 return Err(DriveError(format!(
-                    "group `{name}` has no particle: none that is there when the stage begins is named by its `shapes`, `region` and `ids`, \
-                     or all that are belong to groups before it"
+                    "group `{name}` has no particle at the start of the stage: none matches its `shapes`, `region` \
+                     and `ids`, or all that match are in earlier groups"
                 )));
             }
         }
@@ -331,14 +331,14 @@ impl Drive for Groups {
         let mut idle = Vec::new();
         for (slot, what) in self.members(particles) {
             match what {
-                What::Held(_) => idle.push(Idle::begin(particles, slot, field)),
-                What::Pushed(push) if !push.is_nothing() => {
+                GroupMotion::Held(_) => idle.push(Idle::begin(particles, slot, field)),
+                GroupMotion::Pushed(push) if !push.is_nothing() => {
                     let acts =
                         push.on(particles, slot, &particles.velocity[slot], moment.stage_time);
                     let (velocity, turning) = push::after_first_kick(particles, slot, field, half);
                     acts.count_work(particles, slot, (velocity, turning), half);
                 }
-                What::Pushed(_) => {}
+                GroupMotion::Pushed(_) => {}
             }
         }
         self.idle = idle;
@@ -364,7 +364,7 @@ impl Drive for Groups {
     fn push(&mut self, Acting { moment, field, particles }: Acting) {
         let half = 0.5 * moment.dt;
         for (group, place) in self.all.iter().zip(&mut particles.groups) {
-            if let What::Held(path) = &group.what {
+            if let GroupMotion::Held(path) = &group.what {
                 place.about = group.turns().then(|| path.about(moment.stage_time));
             }
         }
@@ -372,11 +372,11 @@ impl Drive for Groups {
         for (slot, what) in self.members(particles) {
             match what {
                 // At the start of a stage there is no kick.
-                What::Held(_) if moment.dt > 0.0 => {
+                GroupMotion::Held(_) if moment.dt > 0.0 => {
                     count_work_of_held(particles, slot, half);
                     idle.push(Idle::begin(particles, slot, field));
                 }
-                What::Pushed(push) if !push.is_nothing() => {
+                GroupMotion::Pushed(push) if !push.is_nothing() => {
                     let before = particles.velocity[slot];
                     let after =
                         push.velocity_after(particles, slot, field, (moment.stage_time, half));
@@ -442,7 +442,7 @@ impl Reporter for Groups {
 /// Error for a stage that began with other groups, named in `before`.
 pub fn other_groups(before: &str) -> DriveError {
     DriveError(format!(
-        "the stage began with other groups: {before}. Particles join a group where a stage begins: give the scene the same [[group]] \
-         names, or begin a new stage with the snapshot, `start` in the scene"
+        "the stage began with other groups: {before}. Particles join groups when a stage begins: give the scene the \
+         same [[group]] names, or begin a new stage with the snapshot, `start` in the scene"
     ))
 }

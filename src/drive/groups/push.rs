@@ -143,7 +143,7 @@ impl Sphere {
 
 /// Forces and torque on a particle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Acts {
+pub(super) struct Loads {
     /// Force without drag [N].
     force: Vec3,
     /// Torque [N m].
@@ -154,7 +154,7 @@ pub(super) struct Acts {
     fluid: Vec3,
 }
 
-impl Acts {
+impl Loads {
     /// Adds them to the sums of the contacts.
     pub(super) fn add_to(&self, particles: &mut Particles, slot: usize) {
         let add = |sum: &mut Vec3AndNumber, more: Vec3| sum.vector += more;
@@ -197,8 +197,8 @@ impl Push {
             })
         };
         let drag = self.drag.as_ref().map(|drag| match drag.law {
-            DragLaw::Stokes => "drag of Stokes".to_owned(),
-            DragLaw::SchillerNaumann => "drag of Schiller and Naumann".to_owned(),
+            DragLaw::Stokes => "Stokes drag".to_owned(),
+            DragLaw::SchillerNaumann => "Schiller-Naumann drag".to_owned(),
         });
         let all = [load("force", &self.force, "N"), load("torque", &self.torque, "N m"), drag];
         let all: Vec<String> = all.into_iter().flatten().collect();
@@ -223,11 +223,11 @@ impl Push {
         slot: usize,
         velocity: &Vec3,
         time: f64,
-    ) -> Acts {
+    ) -> Loads {
         let sphere = Sphere::in_slot(particles, slot);
         let torque = self.torque.as_ref().map_or_else(Vec3::zeros, |load| load.at(time));
         let none = Vec3::zeros();
-        let mut acts = Acts { force: self.load(&sphere, time), torque, drag: none, fluid: none };
+        let mut acts = Loads { force: self.load(&sphere, time), torque, drag: none, fluid: none };
         if let Some(drag) = &self.drag {
             let against = velocity - drag.velocity;
             acts.drag = against * -drag.coefficient(sphere.diameter, against.norm());

@@ -232,13 +232,13 @@ impl Running {
         let name = &self.inlet.name;
         if has_more {
             return format!(
-                "inlet `{name}`: at step {step} more than {MOST_AT_ONCE} of its particles are due, and no more come at a time; the others \
-                 wait. Make `every` smaller"
+                "inlet `{name}`: at step {step} more than {MOST_AT_ONCE} of its particles are due, the maximum at a \
+                 time; the others wait. Make `every` smaller"
             );
         }
         format!(
-            "inlet `{name}`: at step {step} {waiting} of its particles found no place and wait; they come when there is one. If this \
-             goes on, the rate is more than its region and `velocity` carry away"
+            "inlet `{name}`: at step {step} {waiting} of its particles found no free place and wait. If this \
+             continues, the rate exceeds what its region and `velocity` allow"
         )
     }
 
@@ -252,7 +252,7 @@ impl Running {
                 Amount::Mass(_) => format!("{missing:.4e} kg"),
             };
             warnings.push(format!(
-                "inlet `{name}`: {missing} that were due have not come; {count} particles, {mass:.4e} kg, came"
+                "inlet `{name}`: {missing} due were not inserted; inserted: {count} particles, {mass:.4e} kg"
             ));
         }
         let short = match *until {
@@ -261,7 +261,10 @@ impl Running {
             None => return warnings,
         };
         if !has_stopped && !self.is_over() {
-            warnings.push(format!("inlet `{name}`: only {short} came: too few steps, no place, or more than {MOST_AT_ONCE} due at a time"));
+            warnings.push(format!(
+                "inlet `{name}`: only {short} inserted: too few steps, no free place, or more than \
+                 {MOST_AT_ONCE} due at a time"
+            ));
         }
         warnings
     }
@@ -349,7 +352,7 @@ impl Reporter for Inlets {
 
     fn standing(&self) -> Standing {
         let feeds = |running: &Running| running.inlet.until.is_some() && !running.is_over();
-        let unfinished = self.all.iter().any(feeds).then_some("an inlet has not come to its end");
+        let unfinished = self.all.iter().any(feeds).then_some("an inlet is not finished");
         Standing { unfinished, ..Standing::default() }
     }
 
@@ -385,7 +388,7 @@ impl Reporter for Inlets {
         let names = saved.texts(&NAMES)?;
         for Running { inlet, count, mass, missing, .. } in &mut self.all {
             let Some(row) = names.iter().position(|name| inlet.name == *name) else {
-                return Err(inlet.unknown("was not there"));
+                return Err(inlet.unknown("did not exist"));
             };
             let before = [rates[row], mass_rates[row]];
             if inlet.rates() != before {
@@ -406,6 +409,6 @@ impl Reporter for Inlets {
 
     fn joins(&mut self) -> Result<(), DriveError> {
         let first = self.all.first();
-        first.map_or(Ok(()), |running| Err(running.inlet.unknown("was not there")))
+        first.map_or(Ok(()), |running| Err(running.inlet.unknown("did not exist")))
     }
 }

@@ -76,8 +76,8 @@ impl Inlet {
     /// Error for a stage that began with another inlet.
     fn unknown(&self, what: &str) -> DriveError {
         DriveError(format!(
-            "inlet `{}` {what} when the stage began, and what is due is counted from then. Begin a new stage with the snapshot, \
-             `start` in the scene",
+            "inlet `{}` {what} when the stage began, and its particles are counted from then. Begin a new stage with \
+             the snapshot, `start` in the scene",
             self.name
         ))
     }

@@ -97,7 +97,7 @@ impl RainGauge {
         let places = Site { rain, region, cell, walls: &walls }.places(layer, library);
         if places.is_empty() && !std::mem::replace(&mut self.warned, true) {
             self.warnings.push(format!(
-                "rain: at step {} no place of a layer is clear of the walls, {}; it falls when one is",
+                "rain: at step {} no place of a layer is clear of the walls, {}; it waits until one is",
                 moment.step,
                 region.words()
             ));

@@ -13,7 +13,7 @@ mod state;
 pub use law::{Goal, Pressed, Servo, State};
 pub use state::{Target, targets};
 
-use super::clearance::Astray;
+use super::clearance::Unloaded;
 use super::errors::{Errors, Record, SWINGS};
 use super::load::{self, Line};
 use super::{
@@ -98,7 +98,7 @@ impl Servos {
         let area = servo.area(walls, cell);
         let velocity = servo.velocity(state, &Pressed { area, force, stiffness }, moment.dt);
         for &k in &servo.walls {
-            if let Some(astray) = Astray::of(&walls[k], walls, cell, library) {
+            if let Some(astray) = Unloaded::of(&walls[k], walls, cell, library) {
                 let now = force / servo.divisor(area);
                 return Err(lost(&walls[k].name, astray, &servo.goal, now));
             }
@@ -108,8 +108,8 @@ impl Servos {
         if record.note(moment.step, force / servo.load(area) - 1.0) {
             let (what, ..) = servo.goal.target();
             self.warnings.push(format!(
-                "the {what} on wall {} has jumped from one side of its target to the other for {SWINGS} steps, \
-                 and jumps no less: the servo is too quick for these grains. Set its `gain` = {:.2} or lower",
+                "the {what} on wall {} oscillates about its target for {SWINGS} steps without decay: the servo is too \
+                 fast for these particles. Set its `gain` = {:.2} or lower",
                 servo.names(walls),
                 0.5 * servo.gain,
             ));
@@ -119,23 +119,22 @@ impl Servos {
 }
 
 /// Error for a servo whose wall, of this name, can press on no particle. `now` is its present stress or force [Pa, N].
-fn lost(wall: &str, astray: Astray, goal: &Goal, now: f64) -> DriveError {
+fn lost(wall: &str, astray: Unloaded, goal: &Goal, now: f64) -> DriveError {
     let (what, unit, target) = goal.target();
     let reached = format!("its {what} is {now:e} {unit} of {target:e} {unit}");
     DriveError(match astray {
-        Astray::Closed { gap } => format!(
+        Unloaded::Closed { gap } => format!(
             "servo: wall \"{wall}\" is {gap:e} m from the opposite side, less than half the thickness of the thinnest \
-             grain, and {reached}. There are too few grains between its walls to reach \
-             the target, they have escaped, or they are too soft for it: put more in, lower `{what}`, or raise \
-             `normal_stiffness`"
+             particle, and {reached}. Between its walls are too few particles, they have escaped, or they are too \
+             soft: add particles, lower `{what}`, or raise `normal_stiffness`"
         ),
-        Astray::Open => format!(
-            "servo: wall \"{wall}\" has moved out of the domain by more than its width, and {reached}. Something pushes harder \
-             than the target, such as the grains' weight: raise `{what}`, or let the wall stand"
+        Unloaded::Open => format!(
+            "servo: wall \"{wall}\" has moved out of the domain by more than its width, and {reached}. A load, such \
+             as the weight of the particles, exceeds the target: raise `{what}`, or fix the wall"
         ),
-        Astray::Gone => format!(
-            "servo: wall \"{wall}\" is out of the domain by more than its width, and {reached}. It has passed where it met too few \
-             grains, or they have pushed it out: put grains where they bear it, or change `along` or `force`"
+        Unloaded::Gone => format!(
+            "servo: wall \"{wall}\" is out of the domain by more than its width, and {reached}. It met too few \
+             particles, or they pushed it out: put particles where they support it, or change `along` or `force`"
         ),
     })
 }
@@ -215,7 +214,7 @@ impl Reporter for Servos {
     fn under_way(&self, walls: &[Wall], wall_forces: &[Vec3]) -> Option<String> {
         let is_free = |servo: &&Servo| servo.walls.iter().all(|&k| wall_forces[k] == Vec3::zeros());
         let servo = self.all.iter().map(|running| &running.servo).find(is_free)?;
-        Some(format!("wall {} has a servo, and no grain touches it", servo.names(walls)))
+        Some(format!("wall {} has a servo, and no particle touches it", servo.names(walls)))
     }
 
     fn outcome(&self, walls: &[Wall], _has_stopped: bool) -> Outcome {
@@ -240,15 +239,15 @@ impl Reporter for Servos {
             let (what, ..) = servo.goal.target();
             let advice = if late.of_mean().abs() > 0.5 * late.mean_size() {
                 format!(
-                    "Give it more steps, a higher `max_speed`, or grains that can bear the {what}"
+                    "Give it more steps, a higher `max_speed`, or particles that can carry the {what}"
                 )
             } else {
-                "The grains knock on it: let them lose energy (`restitution`, `friction`, `global_damping`), strain \
-                 them more slowly, or take a shorter time step; if it swings, a lower `gain`"
+                "Particles strike it: increase dissipation (`restitution`, `friction`, `global_damping`), strain more \
+                 slowly, or use a shorter time step; if it oscillates, lower `gain`"
                     .to_owned()
             };
             format!(
-                "wall {} has not kept its {what}: {:.1} % off in the mean of the last fifth of the steps. {advice}",
+                "wall {} has not reached its {what}: {:.1} % off in the mean of the last fifth of the steps. {advice}",
                 servo.names(walls),
                 100.0 * late.mean_size(),
             )

@@ -31,7 +31,7 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ReadError {
     /// There is no row.
-    #[error("{0}: holds no pairs")]
+    #[error("{0}: has no pairs")]
     Empty(String),
     /// An error in a line.
     #[error("{file}:{line}: {problem}")]
@@ -133,7 +133,7 @@ fn json_row(text: &str) -> Result<Row, String> {
     } else if row.get("UA").is_some() {
         pair(union_of)
     } else {
-        Err("of no known kind: there is none of `rA` (sphere), `A` (superellipsoid), `VA` (polyhedron), `UA` (union)".into())
+        Err("of unknown kind: the keys are `rA` (sphere), `A` (superellipsoid), `VA` (polyhedron), `UA` (union)".into())
     }
 }
 
@@ -217,7 +217,7 @@ fn union_of(row: &Value, which: &str) -> Result<Body, String> {
             polyhedron(&piece["V"], &own("V"))
         } else {
             Err(format!(
-                "{name} is no piece: there is none of `r` (ball), `abc` (superellipsoid), `V` (polyhedron)"
+                "{name} is not a piece: the keys are `r` (ball), `abc` (superellipsoid), `V` (polyhedron)"
             ))
         }
     };
@@ -272,7 +272,7 @@ fn rotation(column: &str, wxyz: [f64; 4]) -> Result<Quat, String> {
     let [w, x, y, z] = wxyz;
     let largest = wxyz.iter().fold(0.0_f64, |largest, q| largest.max(q.abs()));
     if largest == 0.0 {
-        return Err(format!("{column}: the quaternion is zero, which is no rotation"));
+        return Err(format!("{column}: the quaternion is zero, so it is not a rotation"));
     }
     // Ordinary quaternions keep their bits.
     let scale = if (1e-100..1e100).contains(&largest) { 1.0 } else { 1.0 / largest };

@@ -375,7 +375,7 @@ impl Particles {
         let [least, largest] = self.library.scales[shape.index()];
         assert!(
             (least..=largest).contains(scale),
-            "particle {id} of scale {scale} in a library that admits {least} to {largest}"
+            "particle {id} has scale {scale}, outside the range {least} to {largest} of the library"
         );
         self.id.push(*id);
         self.shape.push(*shape);

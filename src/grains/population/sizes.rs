@@ -145,7 +145,7 @@ impl Law {
                 format!("lognormal of median {median:?} and sigma {sigma:?}")
             }
             Self::Weibull { scale, shape } => {
-                format!("Weibull's of scale {scale:?} and shape {shape:?}")
+                format!("Weibull of scale {scale:?} and shape {shape:?}")
             }
             Self::Table(rows) => format!("a table of {} rows", rows.len()),
         }

@@ -70,7 +70,7 @@ impl PairList {
     /// # Panics
     /// If there are more pairs than have numbers, 2^31.
     pub fn rebuild(&mut self, particles: &mut Particles, found: Vec<Pair>, places: &[u32]) {
-        assert!(found.len() < 1 << 31, "2^31 pairs on a rank: take more ranks, or a smaller skin");
+        assert!(found.len() < 1 << 31, "2^31 pairs on a rank: use more ranks, or a smaller skin");
         let with_walls = self.sort(particles, &found, places);
         drop(found);
         self.until.clear();

@@ -28,13 +28,13 @@ const SCAN: usize = 64;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum HullError {
     /// Too few points for a body.
-    #[error("{count} points make no body; at least 4 are needed")]
+    #[error("{count} points have no volume; at least 4 are needed")]
     TooFew {
         /// Number of points.
         count: usize,
     },
     /// More points than are supported.
-    #[error("{count} points are too many; thin the mesh out to {MOST} at most")]
+    #[error("{count} points are too many; reduce the mesh to at most {MOST}")]
     TooMany {
         /// Number of points.
         count: usize,
@@ -46,7 +46,7 @@ pub enum HullError {
         index: usize,
     },
     /// The size is outside the range of computations.
-    #[error("a body of {size:e} m leaves the range of numbers")]
+    #[error("a body of {size:e} m is outside the range of numbers")]
     Size {
         /// Half the diagonal of the box around the points [m].
         size: f64,
@@ -64,8 +64,7 @@ pub enum HullError {
     Flat,
     /// A point is not a corner of the convex hull.
     #[error(
-        "not convex: point {index} (the first is 0) lies {depth:.4e} m inside the convex hull of \
-         the others"
+        "not convex: point {index} (the first is 0) is {depth:.4e} m inside the convex hull of the others"
     )]
     Inside {
         /// Index of the point.
@@ -75,8 +74,8 @@ pub enum HullError {
     },
     /// A point lies on the convex hull, but neither at a corner nor on an edge.
     #[error(
-        "point {index} (the first is 0) lies within a face of the convex hull, as at a dent or a hole: leave it out if the hull is meant, and \
-         other points inside a face with it; grains with dents cannot be simulated"
+        "point {index} (the first is 0) is within a face of the convex hull, as at a dent or a hole. If the hull is \
+         meant, leave out all points inside faces; particles with dents are not supported"
     )]
     WithinFace {
         /// Index of the point.

@@ -39,7 +39,7 @@ pub enum MeshError {
         what: &'static str,
     },
     /// The content does not match the format.
-    #[error("{place}{cause}; correct it, or write it anew with the program that made it")]
+    #[error("{place}{cause}; correct it, or export it again")]
     Malformed {
         /// Line of a text, or empty.
         place: String,
@@ -48,7 +48,8 @@ pub enum MeshError {
     },
     /// A polygon that is not convex.
     #[error(
-        "line {line}: has a face of {corners} corners that is not convex, from the corner ({:e}, {:e}, {:e}): cut it into triangles with the program that made it",
+        "line {line}: has a face of {corners} corners that is not convex, from the corner ({:e}, {:e}, {:e}): divide \
+         it into triangles",
         .corner.x, .corner.y, .corner.z
     )]
     Concave {
@@ -67,8 +68,8 @@ pub enum MeshError {
     Hull(#[from] HullError),
     /// The mesh is not convex.
     #[error(
-        "the mesh is not convex: its surface lies up to {depth:.4e} m ({:.2} % of its size) inside \
-         its convex hull; only convex grains can be simulated, as the hull itself",
+        "the mesh is not convex: its surface is up to {depth:.4e} m ({:.2} % of its size) inside its convex hull; \
+         only convex particles are supported, as the hull itself",
         100.0 * depth / size
     )]
     Dented {
@@ -79,8 +80,8 @@ pub enum MeshError {
     },
     /// The mesh has holes, or triangles facing inwards.
     #[error(
-        "the mesh is not closed: it holds {volume:.4e} m3, its convex hull {hull:.4e} m3; close its \
-         holes, and let all triangles face outwards"
+        "the mesh is not closed: its volume is {volume:.4e} m3, that of its convex hull {hull:.4e} m3; close its \
+         holes, and orient all triangles outwards"
     )]
     Open {
         /// Volume of the mesh [m³].
@@ -174,8 +175,8 @@ pub fn lost_digits(path: &Path, triangles: &[[Vec3; 3]]) -> Option<String> {
     (offset > FAR * size).then(|| {
         let lost = 0.5 * f64::from(f32::EPSILON) * offset / size;
         format!(
-            "it lies {:.0} times its size from the origin of its file, and binary STL has seven digits: corners are off by up to {lost:.1e} \
-             of its size. Write it as OBJ, or about the origin",
+            "its distance from the origin of its file is {:.0} times its size, and binary STL has seven digits: \
+             corners are off by up to {lost:.1e} of its size. Write it as OBJ, or near the origin",
             offset / size
         )
     })
@@ -206,10 +207,7 @@ fn three<'a>(words: impl Iterator<Item = &'a str>, line: usize) -> Result<Vec3, 
         count += 1;
     }
     if count < 3 {
-        return Err(malformed(
-            line,
-            format!("a corner has three coordinates, this one has {count}"),
-        ));
+        return Err(malformed(line, format!("a corner needs three coordinates, not {count}")));
     }
     Ok(Vec3::from(numbers))
 }

@@ -160,7 +160,7 @@ pub enum Core<'a> {
     Hull(&'a Hull),
 }
 
-/// Generates [`Kind`] and [`Shape`] from a list of types, each with the type that [`Shape`] holds, its name and its [`Fact`]s.
+/// Generates [`Kind`] and [`Shape`] from a list of types, each with the type that [`Shape`] holds, its name and its [`Property`]s.
 macro_rules! shapes {
     ($(
         $(#[$doc:meta])*
@@ -183,7 +183,7 @@ macro_rules! shapes {
                 }
             }
 
-            const fn facts(self) -> &'static [Fact] {
+            const fn facts(self) -> &'static [Property] {
                 match self {
                     $(Self::$kind => $facts,)*
                 }
@@ -257,7 +257,7 @@ macro_rules! dispatched {
 
 /// Properties on which resolvers may rely.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Fact {
+enum Property {
     /// It has a common normal, because it has curvature everywhere.
     Smooth,
     /// It is a point, a segment or a polyhedron with a sphere rolled around it.
@@ -271,19 +271,19 @@ type Other = dyn Convex;
 
 shapes! {
     /// A sphere.
-    Sphere(Sphere), "sphere", &[Fact::Smooth, Fact::Margin];
+    Sphere(Sphere), "sphere", &[Property::Smooth, Property::Margin];
     /// A tri-axial ellipsoid.
-    Ellipsoid(Ellipsoid), "ellipsoid", &[Fact::Smooth];
+    Ellipsoid(Ellipsoid), "ellipsoid", &[Property::Smooth];
     /// A superellipsoid.
-    Superellipsoid(Superellipsoid), "superellipsoid", &[Fact::Smooth];
+    Superellipsoid(Superellipsoid), "superellipsoid", &[Property::Smooth];
     /// Eight octants of superellipsoids.
-    PolySuperellipsoid(Box<PolySuperellipsoid>), "poly-superellipsoid", &[Fact::Smooth];
+    PolySuperellipsoid(Box<PolySuperellipsoid>), "poly-superellipsoid", &[Property::Smooth];
     /// A cylinder with a hemisphere on each end.
-    Spherocylinder(Spherocylinder), "spherocylinder", &[Fact::Margin];
+    Spherocylinder(Spherocylinder), "spherocylinder", &[Property::Margin];
     /// A convex polyhedron.
-    Polyhedron(Box<Polyhedron>), "polyhedron", &[Fact::Faces];
+    Polyhedron(Box<Polyhedron>), "polyhedron", &[Property::Faces];
     /// A convex polyhedron with a sphere rolled around it.
-    RoundedPolyhedron(Box<RoundedPolyhedron>), "rounded-polyhedron", &[Fact::Margin, Fact::Faces];
+    RoundedPolyhedron(Box<RoundedPolyhedron>), "rounded-polyhedron", &[Property::Margin, Property::Faces];
     /// Any body of convex pieces, which represent it in contacts.
     Union(Box<Union>), "union", &[];
     /// Any convex body of a program that uses this crate. It cannot occur in scene files and messages between ranks.
@@ -300,7 +300,8 @@ mod not_sent {
     use serde::{Deserializer, Serializer, de, ser};
     use std::sync::Arc;
 
-    const WHY: &str = "a shape of kind \"other\" cannot be written or sent: make it on every rank";
+    const WHY: &str =
+        "a shape of kind \"other\" cannot be written or sent: create it on every rank";
 
     pub(super) fn serialize<S: Serializer>(_: &Arc<dyn Convex>, _: S) -> Result<S::Ok, S::Error> {
         Err(ser::Error::custom(WHY))
@@ -319,7 +320,7 @@ impl Kind {
 
     /// Whether it has a common normal, which needs curvature everywhere.
     pub fn is_smooth(self) -> bool {
-        self.facts().contains(&Fact::Smooth)
+        self.facts().contains(&Property::Smooth)
     }
 
     /// Whether it is an ellipsoid or a sphere.
@@ -329,12 +330,12 @@ impl Kind {
 
     /// Whether it is a point, a segment or a polyhedron with a sphere rolled around it.
     pub fn has_margin(self) -> bool {
-        self.facts().contains(&Fact::Margin)
+        self.facts().contains(&Property::Margin)
     }
 
     /// Whether it is a polyhedron, rounded or not.
     pub fn has_faces(self) -> bool {
-        self.facts().contains(&Fact::Faces)
+        self.facts().contains(&Property::Faces)
     }
 
     /// Whether it has a straight side.

@@ -179,8 +179,8 @@ pub enum SurfaceError {
     NotFinite(usize),
     /// Pieces of triangles keep corners within their sides.
     #[error(
-        "near ({:e}, {:e}, {:e}) m triangles lie so close on each other that they cannot be cut to share whole sides; \
-         a smaller `weld` may help",
+        "triangles near ({:e}, {:e}, {:e}) m are too close to be divided into triangles with common sides; a smaller \
+         `weld` may help",
         .corner.x, .corner.y, .corner.z
     )]
     Tangled {
@@ -362,31 +362,27 @@ impl TriangleMesh {
             let end = radius + slope * length;
             let to_end = if *slope == 0.0 { String::new() } else { format!(" to {end:.3e}") };
             return format!(
-                "a {what}, radius {radius:.3e}{to_end} m, length {length:.3e} m, exact; pictures draw it with {} triangles",
+                "a {what}, radius {radius:.3e}{to_end} m, length {length:.3e} m, exact; pictures draw it with {} \
+                 triangles",
                 self.len()
             );
         }
         let [faces, edges, corners] = self.facets.counts();
         let mut text = format!(
-            "{} with {faces} faces, {edges} edges and {corners} corners that grains can touch; {} bytes of each on every rank",
+            "{} with {faces} faces, {edges} edges and {corners} corners that particles can touch; {} bytes of each on \
+             every rank",
             self.len(),
             self.bytes() / self.len()
         );
         let Findings { left_out, cut, open_edges, crowded_edges, turned_edges } = self.findings;
         let images = self.triangles.len() - self.own;
         for (count, what) in [
-            (images, "images of them beyond the periods"),
+            (images, "images beyond the periods"),
             (open_edges, "edges of one triangle only, where the surface ends or has a hole"),
-            (crowded_edges, "edges of three triangles or more"),
-            (
-                turned_edges,
-                "edges whose triangles do not agree on what is in front, which changes nothing",
-            ),
-            (left_out, "triangles left out that have no area or are there twice"),
-            (
-                cut,
-                "cuts of triangles or their pieces, for corners of others lie within their sides",
-            ),
+            (crowded_edges, "edges of three or more triangles"),
+            (turned_edges, "edges with triangles of opposite orientation (without effect)"),
+            (left_out, "triangles left out, without area or duplicate"),
+            (cut, "divisions of triangles at corners of others in their sides"),
         ] {
             if count > 0 {
                 text.extend(["; ", &count.to_string(), " ", what]);

@@ -53,7 +53,7 @@ impl Piece {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum UnionError {
     /// There is no piece.
-    #[error("a union has one piece or more")]
+    #[error("a union needs at least one piece")]
     Empty,
     /// There are more pieces than names.
     #[error("a union has at most {most} pieces, not {count}", most = Union::MOST)]
@@ -62,7 +62,7 @@ pub enum UnionError {
         count: usize,
     },
     /// A piece adds nothing.
-    #[error("piece {inner} lies within piece {outer}: leave it out")]
+    #[error("piece {inner} is within piece {outer}: leave it out")]
     Within {
         /// Number of the inner piece, from 1.
         inner: usize,

@@ -12,9 +12,9 @@ use std::f64::consts::TAU;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Course {
     /// Displacements of the reference point, each along a unit vector [m].
-    pub shifts: Vec<(Vec3, Way)>,
+    pub shifts: Vec<(Vec3, TimeFunction)>,
     /// Rotation about an axis through the reference point [rad].
-    pub turn: Option<(Vec3, Way)>,
+    pub turn: Option<(Vec3, TimeFunction)>,
 }
 
 impl Course {
@@ -32,13 +32,13 @@ impl Course {
 
     /// Mean velocity of the reference point [m/s] and mean angular velocity [rad/s] over the time `dt` [s] before `time`.
     pub fn mean_velocities(&self, time: f64, dt: f64) -> (Vec3, Vec3) {
-        let of = |way: &Way| way.mean_rate(time, dt);
+        let of = |way: &TimeFunction| way.mean_rate(time, dt);
         self.velocities(of)
     }
 
     /// Velocity [m/s] and angular velocity [rad/s] at time 0.
     pub fn first_velocities(&self) -> (Vec3, Vec3) {
-        self.velocities(Way::first_rate)
+        self.velocities(TimeFunction::first_rate)
     }
 
     /// The largest velocity of each displacement [m/s] and the largest angular velocity [rad/s], at any time.
@@ -50,20 +50,20 @@ impl Course {
 
     /// Period of the fastest oscillation, if there is one [s].
     pub fn shortest_period(&self) -> Option<f64> {
-        self.ways().filter_map(Way::period).reduce(f64::min)
+        self.ways().filter_map(TimeFunction::period).reduce(f64::min)
     }
 
     /// Whether the motion has no end.
     pub fn is_endless(&self) -> bool {
-        self.ways().any(|way| !matches!(way, Way::Table(_)))
+        self.ways().any(|way| !matches!(way, TimeFunction::Table(_)))
     }
 
     /// End of the last table [s]; `None` without tables.
     pub fn end(&self) -> Option<f64> {
-        self.ways().filter_map(Way::end).reduce(f64::max)
+        self.ways().filter_map(TimeFunction::end).reduce(f64::max)
     }
 
-    fn ways(&self) -> impl Iterator<Item = &Way> {
+    fn ways(&self) -> impl Iterator<Item = &TimeFunction> {
         let turn = self.turn.iter().map(|(_, way)| way);
         self.shifts.iter().map(|(_, way)| way).chain(turn)
     }
@@ -75,7 +75,7 @@ impl Course {
         shifts.chain(turn).collect::<Vec<_>>().join("; ")
     }
 
-    fn velocities(&self, rate: impl Fn(&Way) -> f64) -> (Vec3, Vec3) {
+    fn velocities(&self, rate: impl Fn(&TimeFunction) -> f64) -> (Vec3, Vec3) {
         let velocity = self.shifts.iter().map(|(along, way)| along * rate(way)).sum();
         let turn = self.turn.as_ref();
         (velocity, turn.map_or_else(Vec3::zeros, |(axis, way)| axis * rate(way)))
@@ -84,7 +84,7 @@ impl Course {
 
 /// A displacement [m] or angle [rad] as a function of time, 0 at time 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Way {
+pub enum TimeFunction {
     /// Constant rate [m/s, rad/s].
     Steady(f64),
     /// `amplitude (sin(2π frequency t + phase) - sin(phase))`.
@@ -100,7 +100,7 @@ pub enum Way {
     Table(Table),
 }
 
-impl Way {
+impl TimeFunction {
     fn at(&self, time: f64) -> f64 {
         match self {
             Self::Steady(rate) => rate * time,
@@ -263,16 +263,16 @@ impl Table {
 
 #[cfg(test)]
 mod tests {
-    use super::{Table, Way};
+    use super::{Table, TimeFunction};
     use crate::random::Random;
 
-    fn ways() -> Vec<Way> {
+    fn ways() -> Vec<TimeFunction> {
         let rows = [(0.0, 0.2), (0.5, 0.3), (0.6, 1.1), (1.5, 1.4), (1.7, 0.1), (2.0, 0.1)];
         vec![
-            Way::Steady(0.3),
-            Way::Oscillation { amplitude: 0.7, frequency: 1.3, phase: 0.4 },
-            Way::Table(Table::new(&rows, false)),
-            Way::Table(Table::new(&rows, true)),
+            TimeFunction::Steady(0.3),
+            TimeFunction::Oscillation { amplitude: 0.7, frequency: 1.3, phase: 0.4 },
+            TimeFunction::Table(Table::new(&rows, false)),
+            TimeFunction::Table(Table::new(&rows, true)),
         ]
     }
 
@@ -303,7 +303,7 @@ mod tests {
     #[test]
     fn smooth_tables_stay_between_their_rows() {
         let rows = [(0.0, 0.0), (0.5, 0.1), (0.6, 0.9), (1.5, 1.2), (1.7, -0.1)];
-        let way = Way::Table(Table::new(&rows, true));
+        let way = TimeFunction::Table(Table::new(&rows, true));
         for two in rows.windows(2) {
             let [(begin, from), (end, to)] = [two[0], two[1]];
             assert!((way.at(end) - to).abs() < 1e-15);

@@ -257,7 +257,7 @@ impl About for Jkr {
     }
 
     fn limits(&self) -> Vec<String> {
-        vec![format!("contacts outlive the overlap, up to a gap of {:.3e} m", self.reach)]
+        vec![format!("contacts act beyond the overlap, up to a gap of {:.3e} m", self.reach)]
     }
 }
 

@@ -197,7 +197,7 @@ impl Hertz {
         let radii: Vec<f64> = library.shapes.iter().zip(&library.radius).map(radius).collect();
         let limit = if is_smooth {
             format!(
-                "radii of curvature of superellipsoids are averaged over {} rad, and count as no less than {} bounding radii",
+                "radii of curvature of superellipsoids are means over {} rad, and at least {} bounding radii",
                 curvature::WIDTH_OF_CONTACT,
                 curvature::SHARPEST
             )
@@ -208,7 +208,8 @@ impl Hertz {
             let all: Vec<_> =
                 library.names.iter().zip(shapes).zip(&radii).filter_map(one).collect();
             format!(
-                "faces, sides and corners have no radius of curvature: all contacts are as stiff as those of spheres of the same volume, {}",
+                "faces, sides and corners have no radius of curvature: all contacts are as stiff as those of spheres \
+                 of the same volume, {}",
                 all.join(", ")
             )
         };

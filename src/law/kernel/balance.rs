@@ -1,7 +1,7 @@
 //! Energy balance of a contact between two steps: it loses the work of its forces minus the energy that they store.
 
 use crate::lanes::Lanes;
-use crate::law::Lost;
+use crate::law::Losses;
 
 /// Powers of the forces on both bodies, summed over the last step and now [W]. In a contact that has ended only those of
 /// the last step count.
@@ -43,7 +43,7 @@ impl<L: Lanes> Stored<L> {
     }
 }
 
-impl<L: Lanes> Lost<L> {
+impl<L: Lanes> Losses<L> {
     #[inline(always)]
     pub(super) fn none() -> Self {
         let zero = L::all(0.0);
@@ -59,7 +59,7 @@ impl<L: Lanes> Powers<L> {
         [before, now]: [Stored<L>; 2],
         half_step: L,
         [normally, beside]: [u8; 2],
-    ) -> Lost<L> {
+    ) -> Losses<L> {
         let zero = L::all(0.0);
         let pressed = half_step * self.pressing - (now.pressing - before.pressing);
         let (mut power, mut of_turning, mut of_dashpots) = (self.rubbing, zero, zero);
@@ -73,7 +73,7 @@ impl<L: Lanes> Powers<L> {
         if let Some(damping) = self.damping {
             of_dashpots = half_step * damping;
         }
-        Lost {
+        Losses {
             all: pressed.or(zero, normally) + rubbed,
             of_friction: rubbed - of_turning - of_dashpots,
             parts: [of_dashpots, of_turning, zero],

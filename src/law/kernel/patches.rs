@@ -27,7 +27,7 @@
 
 use super::balance::{Powers, Stored};
 use super::{
-    Action, Arms, CONTACT_POINT, Contact, Contacts, Geometry, GeometryInLanes, Kept, Lost,
+    Action, Arms, CONTACT_POINT, Contact, Contacts, Geometry, GeometryInLanes, Kept, Losses,
     MOST_STATE, MOST_STATE_OF_MOMENTS, Model, Pair, Particles, Separated, Slot, add, geometries_at,
     pieces, read_state, rows_at, triple as in_lanes, vector, vectors,
 };
@@ -242,7 +242,7 @@ struct Window {
     forces: [[f64; 4]; WINDOW],
     /// Moments on B and A [N m], and what each body loses to friction [J].
     torques: [[[f64; 4]; 2]; WINDOW],
-    /// Energy that each body loses in other channels [J], see [`Lost`].
+    /// Energy that each body loses in other channels [J], see [`Losses`].
     parts: [[f64; 3]; WINDOW],
     /// Work of a wall on the particle [J].
     wall_work: [f64; WINDOW],
@@ -289,7 +289,7 @@ impl<L: Eight> MemoryInLanes<L> {
 }
 
 /// Eight contacts without a patch.
-struct Picked<L> {
+struct WithoutPatch<L> {
     /// Their places in the list.
     at: [usize; WIDTH],
     /// Contact points from the centres of A [m].
@@ -378,7 +378,7 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         let (mut room, mut wide) = ([zero; MOST_STATE], [zero; MOST_STATE_OF_MOMENTS]);
         let state = if M::MOMENTS { &mut wide[..law.width] } else { &mut room[..law.width] };
-        let Picked { at, point, now, last, before } = self.read_picked(places, state);
+        let WithoutPatch { at, point, now, last, before } = self.read_picked(places, state);
         let arms = self.arms_at::<L>([a, b], point, before.point, MOVES || with_walls);
         let mut motion = if MOVES {
             super::Motion::of(particles, [a, b], arms.now, arms.last, dt)
@@ -409,7 +409,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         if M::MOMENTS {
             on = [on[0].plus(acting.moment), on[1].minus(acting.moment)];
         }
-        let mut lost = Lost::none();
+        let mut lost = Losses::none();
         if MOVES && dt > 0.0 {
             let turned =
                 if M::MOMENTS { law.model.turned(&constants, now.overlap, state) } else { zero };
@@ -467,7 +467,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         &self,
         [last, now]: [&Instant<L>; 2],
         motion: &super::Motion<L>,
-    ) -> Lost<L> {
+    ) -> Losses<L> {
         let zero = L::all(0.0);
         let power =
             last.memory.force.dot(motion.last_velocity) + now.memory.force.dot(motion.velocity);
@@ -515,7 +515,7 @@ impl<M: Model> Contacts<'_, '_, M> {
     /// Reads up to eight contacts without a patch, now and at the last step; the other lanes repeat the first. The model's
     /// state goes to `state`.
     #[inline(always)]
-    fn read_picked<L: Eight>(&self, places: &[u32], state: &mut [L]) -> Picked<L> {
+    fn read_picked<L: Eight>(&self, places: &[u32], state: &mut [L]) -> WithoutPatch<L> {
         let Self { law, work, .. } = self;
         let mut at = [places[0] as usize; WIDTH];
         for (at, &place) in at.iter_mut().zip(places) {
@@ -534,7 +534,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         }
         let [[x, y, z, force_x], [force_y, force_z, moment_x, _], [moment_y, moment_z, press, _]] =
             memories;
-        Picked {
+        WithoutPatch {
             at,
             point: in_lanes(&rows_of(work.points, &at)),
             now: GeometryInLanes::of(&rows_of(work.geometry, &at)),
@@ -677,7 +677,7 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         let point = self.work.points[place];
         let half = 0.5 * dt;
-        let mut lost = Lost::none();
+        let mut lost = Losses::none();
         if law.needs.velocity && dt > 0.0 {
             let of_last = if M::MOMENTS { vector(last_action.moment) } else { Vec3::zeros() };
             let damps = sticks && law.needs.tangential_dashpots;
@@ -799,7 +799,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let (state, memory) = remembered.split_at(law.width);
         let memory = Memory::read(memory);
         let motion = self.motion(pair, [&geometry.normal; 2]);
-        let mut lost = Lost::none();
+        let mut lost = Losses::none();
         if law.needs.velocity && half > 0.0 {
             let constants = law.constants(pair, particles);
             let last = law.model.last(&constants, geometry.overlap, state);

@@ -18,12 +18,12 @@ pub struct Audit {
     /// True if the scene has unions, whose contacts are left out.
     pub without_unions: bool,
     /// Errors by the kinds of the two shapes.
-    pub of_kinds: Vec<OfKinds>,
+    pub of_kinds: Vec<KindErrors>,
 }
 
 /// Errors of contacts between shapes of two kinds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct OfKinds {
+pub struct KindErrors {
     /// Names of the two kinds, as in a scene.
     pub kinds: [&'static str; 2],
     /// Method of the run: the first of its chain.

@@ -1,6 +1,6 @@
 //! The report as text.
 
-use super::audit::{Audit, OfKinds, Spread};
+use super::audit::{Audit, KindErrors, Spread};
 use super::sizes::SizesOf;
 use super::{DissipatedBy, Ended, Least, Memory, Ranks, Report, Share, Spent};
 use crate::drive::Kept;
@@ -100,7 +100,7 @@ impl Report {
             let of_stages: Vec<String> =
                 stages.map(|(k, pairs)| format!("{pairs} to fallback {}", k + 1)).collect();
             format!(
-                "{:.2} per million pairs passed on by the first method, {}",
+                "{:.2} per million pairs not resolved by the first method, {}",
                 1e6 * contacts.fallback_share,
                 of_stages.join(", "),
             )
@@ -121,7 +121,7 @@ impl Report {
             })
         };
         page.line(format_args!(
-            "energy     missing {:.1e} J{}{}",
+            "energy     error {:.1e} J{}{}",
             energy.missing_j,
             part(energy.missing_over_dissipated, "dissipated"),
             part(energy.missing_over_moved, "largest kinetic and elastic"),
@@ -167,7 +167,7 @@ impl Report {
                 phase.name(),
             );
             let Some(least) = &spent.least else {
-                page.line(format_args!("{measured}   no floor is known for these shapes"));
+                page.line(format_args!("{measured}   no lower bound is known for these shapes"));
                 continue;
             };
             let Least {
@@ -182,11 +182,11 @@ impl Report {
             ));
         }
         page.line(
-            "at least: what the formulas need per particle and step; reached: that over the time",
+            "at least: the minimum of the formulas per particle and step; reached: that over the time",
         );
         let contacts = &self.contacts;
         page.line(format_args!(
-            "pairs      {:.3e} listed, {:.1} % of them looked at",
+            "pairs      {:.3e} listed, {:.1} % of them resolved",
             contacts.listed_pairs as f64,
             100.0 * contacts.resolved_pairs as f64 / contacts.listed_pairs.max(1) as f64,
         ));
@@ -205,8 +205,8 @@ impl Report {
             },
         ));
         page.line(format_args!(
-            "balance    received {:.6e} J = kinetic {:.3e} + gravity {:.6e} + stored {:.3e} + of the steps {:.1e} + dissipated \
-             {:.6e} + missing {:.1e}",
+            "balance    received {:.6e} J = kinetic {:.3e} + gravity {:.6e} + stored {:.3e} + of the steps {:.1e} + \
+             dissipated {:.6e} + error {:.1e}",
             energy.received_j,
             energy.kinetic_j,
             energy.gravity_j,
@@ -232,7 +232,8 @@ impl Report {
             .steps_per_oscillation
             .map_or_else(String::new, |steps| format!("{steps:.1} steps per oscillation, "));
         page.line(format_args!(
-            "step       {oscillation}largest overlap {:.2e} and largest way in a step {:.2e} of a radius, largest turn {:.2e} rad",
+            "step       {oscillation}largest overlap {:.2e} and largest displacement in a step {:.2e} of a radius, \
+             largest rotation {:.2e} rad",
             resolution.largest_overlap_over_radius,
             resolution.largest_move_over_radius,
             resolution.largest_turn_rad,
@@ -244,8 +245,8 @@ impl Display for Kept {
     fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
         write!(
             f,
-            "{:<10} {}: mean {:.5e} {unit} of {:e} {unit} over the last {} steps of the stage; off its target by {:.3} % in \
-             the mean, at most by {:.3} %",
+            "{:<10} {}: mean {:.5e} {unit} of {:e} {unit} over the last {} steps of the stage; error {:.3} % in the \
+             mean, at most {:.3} %",
             self.drive,
             self.of,
             self.mean,
@@ -262,11 +263,11 @@ impl Display for SizesOf {
     fn fmt(&self, f: &mut Formatter) -> std::fmt::Result {
         let tenths = |all: [f64; 3]| all.map(|scale| format!("{scale:.4}")).join(", ");
         let Self { shape, particles, left, asked, found, .. } = self;
-        let of_left = if *left > 0 { format!(", {left} of them gone") } else { String::new() };
+        let of_left = if *left > 0 { format!(", {left} of them removed") } else { String::new() };
         write!(
             f,
-            "{:<10} {particles} of {shape}{of_left}: by mass 10, 50, 90 % below {} of {} asked for; largest difference of the \
-             cumulative curves {:.2} % by number, {:.2} % by mass",
+            "{:<10} {particles} of {shape}{of_left}: by mass 10, 50, 90 % below {} of {} requested; largest \
+             difference of the cumulative curves {:.2} % by number, {:.2} % by mass",
             "sizes",
             tenths(found.by_mass_d10_d50_d90),
             tenths(asked.by_mass_d10_d50_d90),
@@ -278,18 +279,21 @@ impl Display for SizesOf {
 
 impl Audit {
     fn write(&self, page: &mut Page) {
-        let unions = if self.without_unions { "; contacts of unions are left out" } else { "" };
+        let unions = if self.without_unions { "; without contacts of unions" } else { "" };
         if self.contacts == 0 {
             page.line(if self.every == 0 {
                 "audit      none: audit.every = 0".to_owned()
             } else {
                 let every = self.every;
-                format!("audit      no contact was resolved again: one in {every} steps{unions}")
+                format!(
+                    "audit      no contact was resolved again, from one in {every} steps{unions}"
+                )
             });
             return;
         }
         page.line(format_args!(
-            "audit      {} contacts of this run resolved again, at {} of its steps{unions}; error: median, 99 of 100, largest",
+            "audit      {} contacts of this run resolved again, at {} of its steps{unions}; error: median, 99 of 100, \
+             largest",
             self.contacts, self.audits
         ));
         for of_kinds in &self.of_kinds {
@@ -298,7 +302,7 @@ impl Audit {
     }
 }
 
-impl OfKinds {
+impl KindErrors {
     fn write(&self, page: &mut Page) {
         let [a, b] = self.kinds;
         let others = |count: u64, what: &str| {
@@ -360,8 +364,8 @@ impl Ranks {
         let part = self.without_core_s?.most / wall_s;
         (part > 0.1 && wall_s > 10.0).then(|| {
             format!(
-                "a rank waited for a core {:.0} % of the time: there are more ranks than cores, or other programs run on them. \
-                 Open MPI binds the ranks of every job to the same first cores, and `mpirun --bind-to none` does not",
+                "a rank waited for a core {:.0} % of the time: there are more ranks than cores, or other programs use \
+                 them. Open MPI binds all jobs to the same first cores: use `mpirun --bind-to none`",
                 100.0 * part
             )
         })
@@ -382,8 +386,8 @@ impl Memory {
         if let (Some(peak), Some(per_owned)) = (self.peak_bytes, self.peak_bytes_per_owned) {
             let megabytes = Share { mean: 1e-6 * peak.mean, most: 1e-6 * peak.most };
             page.line(format_args!(
-                "peak       {megabytes} MB in a process, {per_owned} bytes per owned particle: with the program, its libraries, and \
-                 what was held for a moment",
+                "peak       {megabytes} MB in a process, {per_owned} bytes per owned particle: including the program, \
+                 its libraries, and temporary data",
             ));
         }
     }

@@ -96,8 +96,7 @@ impl Reader {
         let particles = StoredFile::open(&real, comm)?;
         let read = || {
             if !particles.has("/VTKHDF/PointData/id") {
-                let cause =
-                    "it has no particles; of a snapshot's two files, name particles_<step>.vtkhdf";
+                let cause = "it has no particles; name particles_<step>.vtkhdf, not the contacts file of the snapshot";
                 return Err(SnapshotError::unreadable(&real, &cause));
             }
             let counts = (particles.count(POINTS.place)?, particles.count(RECORD_A.place)?);
@@ -159,9 +158,9 @@ impl Reader {
         let strange = particles.id.iter().find(|id| id.wall_index().is_some() || id.0 >= next_id);
         let cause = match (unlisted, strange) {
             (Some(shape), _) => {
-                format!("a particle has shape {}, of {shapes} that it lists", shape.0)
+                format!("a particle has shape {}, but only {shapes} are listed", shape.0)
             }
-            (None, Some(id)) => format!("particle {id} has an id that was never given"),
+            (None, Some(id)) => format!("the id of particle {id} was never assigned"),
             (None, None) => return Ok(()),
         };
         Err(SnapshotError::unreadable(self.path(), &cause))

@@ -36,8 +36,8 @@ pub fn plots(
             name: "packing".into(),
             title: "Packing".into(),
             caption:
-                "Side view along y (x to the right, z up): exact outlines of the nearest grains, \
-                      darker with more contacts; grains with fewer than two contacts are yellow."
+                "Side view along y (x to the right, z up): exact outlines of the nearest particles, darker with more \
+                 contacts; particles with fewer than two contacts are yellow."
                     .into(),
             width: Width::Full,
             svg: picture,

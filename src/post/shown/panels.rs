@@ -70,8 +70,7 @@ const PANELS: [Panel; 9] = [
     Panel {
         name: "energy",
         title: "Energies",
-        caption: "Kinetic energy, energy stored in contacts, energy dissipated so far, and what the \
-                  balance of all energies misses.",
+        caption: "Kinetic energy, energy stored in contacts, dissipated energy, and energy error.",
         y_label: "energy (J)",
         scale: Logarithmic,
         columns: &[
@@ -83,8 +82,8 @@ const PANELS: [Panel; 9] = [
     },
     Panel {
         name: "losses",
-        title: "Where energy went",
-        caption: "Energy dissipated so far by each of what dissipates. Friction has torsion of faces in it.",
+        title: "Dissipated energy by cause",
+        caption: "Energy dissipated so far by each mechanism. Friction includes torsion of faces.",
         y_label: "energy (J)",
         scale: Logarithmic,
         columns: &[
@@ -131,7 +130,7 @@ const PANELS: [Panel; 9] = [
     Panel {
         name: "unbalanced",
         title: "Unbalanced force",
-        caption: "Mean resultant force of a particle over the mean contact force: how far from rest.",
+        caption: "Mean resultant force of a particle over the mean contact force: distance from equilibrium.",
         y_label: "resultant / contact force",
         scale: Logarithmic,
         columns: &[("unbalanced", "")],
@@ -141,8 +140,8 @@ const PANELS: [Panel; 9] = [
 /// Displacements of walls across an axis.
 const WAYS: Panel = Panel {
     name: "wall_ways",
-    title: "Ways of walls",
-    caption: "How far each wall has come inwards since the first row, negative where it has gone outwards.",
+    title: "Displacements of walls",
+    caption: "Inward displacement of each wall since the first row, negative outwards.",
     y_label: "way (m)",
     scale: Linear,
     columns: &[],
@@ -290,7 +289,7 @@ fn wall_stresses(stresses: &[Curve], targets: &[Target]) -> Result<Option<Plot>,
     let means = if targets.is_empty() {
         ""
     } else {
-        " Of walls with a servo each point is the mean since the one before; grey lines are their targets."
+        " For walls with a servo, each point is the mean since the previous one; grey lines are their targets."
     };
     let caption = format!("Stress of the particles on each wall, compression positive.{means}");
     let panel = Panel {

@@ -123,7 +123,7 @@ pub fn weak_forces(normal: &Histogram, shear: &Histogram) -> Result<Plot, PlotEr
     Ok(Plot {
         name: "weak_forces".into(),
         title: "Weak and strong contacts".into(),
-        caption: "The same forces by decade: how many contacts are weak, and how weak.".into(),
+        caption: "The same forces per decade: shares of weak contacts.".into(),
         width: Width::Half,
         svg: chart(SIZE, &axes, &series)?,
     })
@@ -188,8 +188,8 @@ pub fn friction(used: &Histogram) -> Result<Plot, PlotError> {
     let axes = linear("tangential / normal force of a contact", "contacts (%)", x, y);
     let bars =
         Series { name: String::new(), colour: BLUE, mark: Mark::Bars(0.85 * width, 0.0), points };
-    let caption = "Ratio of tangential to normal force; sliding contacts pile up at the \
-                   coefficient of friction.";
+    let caption =
+        "Ratio of tangential to normal force; sliding contacts are at the coefficient of friction.";
     Ok(Plot {
         name: "friction".into(),
         title: "Friction used".into(),
@@ -203,9 +203,9 @@ pub fn friction(used: &Histogram) -> Result<Plot, PlotError> {
 type Pick = fn(&crate::post::Summary) -> Option<f64>;
 
 /// A plot over a series: name, title, label, and the curves with their names.
-type Wanted<'a> = (&'a str, &'a str, &'a str, &'a [(&'a str, Pick)]);
+type SeriesPlot<'a> = (&'a str, &'a str, &'a str, &'a [(&'a str, Pick)]);
 
-const OVER_A_SERIES: [Wanted; 6] = [
+const OVER_A_SERIES: [SeriesPlot; 6] = [
     ("stress_ratio", "Stress ratio", "q / p", &[("", |s| s.q_over_p)]),
     (
         "volumetric_strain",

@@ -35,7 +35,7 @@ fn plot(k: usize, sizes: &SizesOf) -> Result<Plot, PlotError> {
     for (by, colour, asked, found) in curves {
         let asked = points(asked).collect();
         series.push(Series {
-            name: format!("by {by}, asked for"),
+            name: format!("by {by}, requested"),
             colour,
             mark: Mark::Line,
             points: asked,
@@ -51,8 +51,8 @@ fn plot(k: usize, sizes: &SizesOf) -> Result<Plot, PlotError> {
         name: format!("sizes_{k}"),
         title: format!("Sizes of {}", sizes.shape),
         caption: format!(
-            "Share of the {} particles at the end of the run that are smaller. Asked for: {}. Largest difference {:.2} % by \
-             number, {:.2} % by mass.",
+            "Share of the {} particles at the end of the run that are smaller. Requested: {}. Largest difference \
+             {:.2} % by number, {:.2} % by mass.",
             sizes.particles,
             sizes.law,
             100.0 * sizes.largest_difference_by_number,

@@ -46,7 +46,7 @@ use estimate::Rung;
 pub use estimate::{Expected, Floor};
 use std::path::Path;
 use std::sync::atomic::AtomicUsize;
-pub use trial::{Answer, Trials, Unanswered, Variant};
+pub use trial::{Answer, TrialError, Trials, Variant};
 
 /// Largest length of a trial, in steps of the stable limit.
 pub const LONGEST: f64 = 20_000.0;
@@ -113,11 +113,11 @@ pub struct Suggestion {
 /// Proposes step and method. `progress` receives a line after every trial.
 ///
 /// # Errors
-/// See [`Unanswered`].
+/// See [`TrialError`].
 pub fn suggest(
     question: &Question,
     progress: &mut dyn FnMut(&str),
-) -> Result<Suggestion, Unanswered> {
+) -> Result<Suggestion, TrialError> {
     let trials = Trials::new(question)?;
     let (rungs, chosen) = climb(&trials, question.error, progress)?;
     let floor = Floor::of(&rungs);
@@ -126,7 +126,7 @@ pub fn suggest(
     let Some(rung) = chosen.or_else(|| lost(&rungs, &floor)).or_else(|| nearest(&rungs, &floor))
     else {
         let why_not = rungs.iter().rev().find_map(|rung| rung.why_not.clone());
-        return Err(why_not.map_or_else(|| trials.nothing(), Unanswered::Trial));
+        return Err(why_not.map_or_else(|| trials.nothing(), TrialError::Trial));
     };
     let expected = estimate::expected(&rungs, rung, &floor).ok_or_else(|| trials.nothing())?;
     let mut found = page::Found {
@@ -147,7 +147,7 @@ pub fn suggest(
             let longest = FASTER * found.run.seconds;
             let tried = trials.run(&Variant { contact: method, longest, ..Variant::of(rung) });
             progress(&page::of_method(method, &tried));
-            if let Err(stopped @ Unanswered::Signal(_)) = tried {
+            if let Err(stopped @ TrialError::Signal(_)) = tried {
                 return Err(stopped);
             }
             if let Ok(run) = &tried {
@@ -162,7 +162,7 @@ pub fn suggest(
         }
     }
     let softer = trials.run(&Variant { softer: true, ..Variant::of(rung) });
-    if let Err(stopped @ Unanswered::Signal(_)) = softer {
+    if let Err(stopped @ TrialError::Signal(_)) = softer {
         return Err(stopped);
     }
     progress("  softer contacts: tried");
@@ -179,7 +179,7 @@ fn climb(
     trials: &Trials,
     error: f64,
     progress: &mut dyn FnMut(&str),
-) -> Result<(Vec<Rung>, Option<usize>), Unanswered> {
+) -> Result<(Vec<Rung>, Option<usize>), TrialError> {
     let mut rungs: Vec<Rung> = Vec::new();
     for k in 0..RUNGS {
         let mut rung = Rung { runs: Vec::new(), why_not: None };
@@ -187,7 +187,7 @@ fn climb(
             match trials.run(&Variant { copy, contact: AUTO, ..Variant::of(k) }) {
                 Ok(run) => rung.runs.push(run),
                 // A long step may fail by its length; an invalid scene fails with every step.
-                Err(Unanswered::Trial(why)) => {
+                Err(TrialError::Trial(why)) => {
                     rung = Rung { runs: Vec::new(), why_not: Some(why) };
                     break;
                 }

@@ -1,12 +1,12 @@
 //! Text of a suggestion.
 
 use super::estimate::{self, Expected, Floor, Rung};
-use super::trial::{Answer, SOFTER, Trials, Unanswered};
+use super::trial::{Answer, SOFTER, TrialError, Trials};
 use super::{COPIES, FINER, Question};
 use crate::scene::Scene;
 
 type Keys = &'static [(&'static str, &'static str)];
-type Tried = Result<(Expected, Answer), Unanswered>;
+type TrialResult = Result<(Expected, Answer), TrialError>;
 
 /// All results.
 pub(super) struct Found<'a> {
@@ -22,8 +22,8 @@ pub(super) struct Found<'a> {
     pub(super) method: Keys,
     pub(super) expected: Expected,
     /// Other methods.
-    pub(super) others: Vec<(Keys, Tried)>,
-    pub(super) softer: Option<Tried>,
+    pub(super) others: Vec<(Keys, TrialResult)>,
+    pub(super) softer: Option<TrialResult>,
 }
 
 impl Found<'_> {
@@ -47,10 +47,9 @@ impl Found<'_> {
 
     fn heading(&self) -> String {
         let Self { trials, .. } = self;
-        let whole =
-            if trials.time() > 0.99 * trials.left { ", all that is left of the stage" } else { "" };
+        let whole = if trials.time() > 0.99 * trials.left { ", the rest of the stage" } else { "" };
         format!(
-            "{}: trials of {} particles over {:.3e} s{whole}; stress and contacts in the mean over the last fifth",
+            "{}: trials of {} particles over {:.3e} s{whole}; stress and contacts are means over the last fifth",
             trials.scene.title,
             trials.particles,
             trials.time()
@@ -98,21 +97,23 @@ impl Found<'_> {
         );
         let asked = percent(question.error);
         if self.is_kept {
-            format!("error      about {what}; asked for: {asked}")
+            format!("error      about {what}; requested: {asked}")
         } else if self.floor.largest() > question.error {
             format!(
-                "error      {what}; asked for: {asked}. No step can promise that for single values: runs that begin alike differ \
-                 by more. The step above is for means over many runs: what it changes is lost in that floor"
+                "error      {what}; requested: {asked}. For single values no step can reach this, because runs from \
+                 similar starts differ by more. The step above is for means over many runs, where its error is within \
+                 the floor"
             )
         } else {
-            format!("error      {what}; asked for: {asked}. No step that was tried keeps that")
+            format!("error      {what}; requested: {asked}. No step in the trials reaches this")
         }
     }
 
     fn floor_line(&self) -> String {
         let Floor { stress, contacts } = self.floor;
         format!(
-            "floor      stress {}, contacts {}: with 95 %, runs differ by less whose starts differ by 1e-9 of a radius",
+            "floor      stress {}, contacts {}: 95 % of differences between runs whose starts differ by 1e-9 of a \
+             radius",
             percent(stress),
             percent(contacts)
         )
@@ -124,15 +125,16 @@ impl Found<'_> {
         let word = if !self.is_kept {
             "not kept".to_owned()
         } else if part <= 0.5 {
-            format!("well: the expected error is {:.0} % of what is asked", 100.0 * part)
+            format!("good: the expected error is {:.0} % of the requested one", 100.0 * part)
         } else {
-            format!("just: the expected error is {:.0} % of what is asked", 100.0 * part)
+            format!("marginal: the expected error is {:.0} % of the requested one", 100.0 * part)
         };
         let runs: usize = self.rungs.iter().map(|rung| rung.runs.len()).sum();
         format!(
-            "how sure   {word}; of {runs} trials of this start, {COPIES} of each longer step. Expected is twice the largest difference \
-             from shorter steps, with the floor in quadrature. Of 40 suggestions held against converged runs, 39 kept the error that \
-             was asked for; single errors came to 3.8 times the expected ones"
+            "how sure   {word}; {runs} trials of this start, {COPIES} of each longer step. The expected error is \
+             twice the largest difference from shorter steps, with the floor in quadrature. In 40 comparisons with \
+             converged runs, 39 suggestions were within the requested error; single errors were up to 3.8 times the \
+             expected ones"
         )
     }
 
@@ -141,17 +143,17 @@ impl Found<'_> {
         let per_step = run.seconds / run.steps as f64;
         let steps = (trials.left / run.dt).ceil();
         format!(
-            "run time   {:.3} s on one rank for the {steps} steps that are left at most, {:.2e} s each, if all are like those tried",
+            "run time   {:.3} s on one rank for at most {steps} remaining steps, {:.2e} s each, from the trials",
             per_step * steps,
             per_step
         )
     }
 
-    fn softer_line(&self, tried: &Tried) -> String {
+    fn softer_line(&self, tried: &TrialResult) -> String {
         match tried {
             Ok((expected, run)) => format!(
-                "softer     {SOFTER} of the stiffness with {:.2} times the step: {:.2} of the time; error about stress {}, contacts \
-                 {}, energy {}; largest overlap {} of the axis instead of {}",
+                "softer     {SOFTER} of the stiffness with {:.2} times the step: {:.2} of the time; error about \
+                 stress {}, contacts {}, energy {}; largest overlap {} of the axis instead of {}",
                 run.dt / self.plain.dt,
                 run.seconds / self.plain.seconds,
                 percent(expected.stress),
@@ -177,25 +179,22 @@ pub(super) fn of_rung(trials: &Trials, rungs: &[Rung], k: usize) -> String {
     let missing = percent(run.missing.abs());
     let compared = match estimate::difference(rungs, k) {
         Some(d) if k + FINER < rungs.len() => format!(
-            "differs from shorter ones by stress {}, contacts {}",
+            "differs from shorter steps by stress {}, contacts {}",
             percent(d.stress),
             percent(d.contacts)
         ),
         _ => format!("stress x volume {:.4e} J, contacts {:.4}", run.stress, run.coordination),
     };
-    format!(
-        "{name}: {compared}; energy missing {missing}; {} runs, {seconds:.2} s",
-        rung.runs.len()
-    )
+    format!("{name}: {compared}; energy error {missing}; {} runs, {seconds:.2} s", rung.runs.len())
 }
 
 /// Result of another method.
-pub(super) fn of_method(keys: &[(&str, &str)], tried: &Result<Answer, Unanswered>) -> String {
+pub(super) fn of_method(keys: &[(&str, &str)], tried: &Result<Answer, TrialError>) -> String {
     let name: Vec<String> = keys.iter().map(|(key, value)| format!("{key} = {value}")).collect();
     let name = name.join(", ");
     match tried {
         Ok(run) => format!(
-            "  {name}: stress x volume {:.4e} J, contacts {:.4}; energy missing {}; {:.2} s",
+            "  {name}: stress x volume {:.4e} J, contacts {:.4}; energy error {}; {:.2} s",
             run.stress,
             run.coordination,
             percent(run.missing.abs()),

@@ -28,7 +28,7 @@ pub(super) const SOFTER: f64 = 0.1;
 
 /// Reason for a missing result.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Unanswered {
+pub enum TrialError {
     /// The scene, its start or the question is invalid.
     #[error("{0}")]
     Input(String),
@@ -109,7 +109,7 @@ impl<'a> Trials<'a> {
     ///
     /// # Errors
     /// If they are invalid, or if there is no stable limit.
-    pub fn new(question: &'a Question<'a>) -> Result<Self, Unanswered> {
+    pub fn new(question: &'a Question<'a>) -> Result<Self, TrialError> {
         let (file, overrides) = (question.scene, question.overrides);
         let read = match question.start {
             Some(snapshot) => Scene::read_to_go_on(file, overrides, snapshot),
@@ -118,8 +118,8 @@ impl<'a> Trials<'a> {
         let scene = read.map_err(wrong)?;
         let (sim, resumed) = started(&scene, question.start)?;
         let Some(limit) = scene.time_step_limit() else {
-            return Err(Unanswered::Input(format!(
-                "{}: nothing pushes, so there is no stable limit to measure steps by; give a material a stiffness",
+            return Err(TrialError::Input(format!(
+                "{}: no contact has a stiffness, so there is no stable limit of the step; give a material a stiffness",
                 question.scene.display()
             )));
         };
@@ -127,9 +127,9 @@ impl<'a> Trials<'a> {
             inlet.until.is_none()
                 || sim.drives.iter().any(|drive| drive.standing().unfinished.is_some())
         }) {
-            return Err(Unanswered::Input(format!(
-                "{}: grains of inlet `{}` appear in other places with every step, so trials cannot be compared: try a stage without \
-                 inlets, with these grains in its `start`",
+            return Err(TrialError::Input(format!(
+                "{}: inlet `{}` inserts particles in different places with every step, so trials cannot be compared: \
+                 use a stage without inlets, with these particles in its `start`",
                 question.scene.display(),
                 inlet.name
             )));
@@ -140,8 +140,8 @@ impl<'a> Trials<'a> {
         let behind = sim.step - sim.stage_begin.0;
         let left = scene.steps.saturating_sub(behind) as f64 * scene.dt;
         if particles == 0 || left == 0.0 {
-            return Err(Unanswered::Input(format!(
-                "{}: no particles or no steps are left to try",
+            return Err(TrialError::Input(format!(
+                "{}: no particles or no steps are left for trials",
                 question.scene.display()
             )));
         }
@@ -163,10 +163,10 @@ impl<'a> Trials<'a> {
     }
 
     /// Error for trials without contacts to compare.
-    pub(super) fn nothing(&self) -> Unanswered {
-        Unanswered::Input(format!(
-            "{}: no grains touch each other or a wall in the last fifth of the trial, which lasts {:.3e} s, so there is nothing to \
-             compare: begin with a snapshot in which they touch (--start)",
+    pub(super) fn nothing(&self) -> TrialError {
+        TrialError::Input(format!(
+            "{}: no particle has a contact in the last fifth of the trial, which lasts {:.3e} s: use a snapshot with \
+             contacts (--start)",
             self.question.scene.display(),
             self.time()
         ))
@@ -183,7 +183,7 @@ impl<'a> Trials<'a> {
     ///
     /// # Errors
     /// If it cannot be run to its end.
-    pub fn run(&self, variant: &Variant) -> Result<Answer, Unanswered> {
+    pub fn run(&self, variant: &Variant) -> Result<Answer, TrialError> {
         let finer = self.steps << variant.halvings;
         let steps = if variant.softer {
             LAST_PART * (finer as f64 * SOFTER.sqrt() / LAST_PART as f64).ceil() as u64
@@ -211,11 +211,11 @@ impl<'a> Trials<'a> {
         (steps, unseen): (u64, u64),
         longest: f64,
         comm: &mut dyn Comm,
-    ) -> Result<Answer, Unanswered> {
+    ) -> Result<Answer, TrialError> {
         let between = (steps / self.steps).max(1);
         let mut done = 0;
         while done < unseen {
-            sim.step(comm).map_err(|error| Unanswered::Trial(error.to_string()))?;
+            sim.step(comm).map_err(|error| TrialError::Trial(error.to_string()))?;
             done += 1;
         }
         let begin = sim.measure(comm);
@@ -225,17 +225,17 @@ impl<'a> Trials<'a> {
         while done < steps {
             match self.question.signal.load(Ordering::Relaxed) {
                 0 => {}
-                signal => return Err(Unanswered::Signal(signal)),
+                signal => return Err(TrialError::Signal(signal)),
             }
             let started = Instant::now();
             let until = ((done / between + 1) * between).min(steps);
             while done < until {
-                sim.step(comm).map_err(|error| Unanswered::Trial(error.to_string()))?;
+                sim.step(comm).map_err(|error| TrialError::Trial(error.to_string()))?;
                 done += 1;
             }
             seconds += started.elapsed().as_secs_f64();
             if seconds > longest {
-                return Err(Unanswered::Slower);
+                return Err(TrialError::Slower);
             }
             if done > steps - steps / LAST_PART {
                 let [product, contacts] = contacts_of(sim);
@@ -253,7 +253,7 @@ impl<'a> Trials<'a> {
         let missing = if of > 0.0 { (end.missing() - begin.missing()) / of } else { 0.0 };
         let [stress, coordination] = [stress, coordination].map(|sum| sum / samples as f64);
         if !(stress.is_finite() && missing.is_finite()) {
-            return Err(Unanswered::Trial("a stress or an energy is not a number".to_owned()));
+            return Err(TrialError::Trial("a stress or an energy is not a number".to_owned()));
         }
         if stress == 0.0 || coordination == 0.0 {
             return Err(self.nothing());
@@ -262,7 +262,7 @@ impl<'a> Trials<'a> {
     }
 
     /// Scene with another step, method or stiffness.
-    fn varied(&self, variant: &Variant, dt: f64) -> Result<Scene, Unanswered> {
+    fn varied(&self, variant: &Variant, dt: f64) -> Result<Scene, TrialError> {
         let mut root: Table = self.scene.text.parse().map_err(wrong)?;
         section(&mut root, "time").insert("step".to_owned(), Value::Float(dt));
         section(&mut root, "audit").insert("every".to_owned(), Value::Integer(0));
@@ -284,12 +284,12 @@ impl<'a> Trials<'a> {
         let need = start.map_or(Need::AllFiles, Need::Snapshot);
         let text = root.to_string();
         let of_trial = Scene::parse_for(&text, "the trial's scene", folder, &[], need);
-        of_trial.map_err(|errors| Unanswered::Trial(errors.to_string()))
+        of_trial.map_err(|errors| TrialError::Trial(errors.to_string()))
     }
 }
 
-fn wrong(error: impl Display) -> Unanswered {
-    Unanswered::Input(error.to_string())
+fn wrong(error: impl Display) -> TrialError {
+    TrialError::Input(error.to_string())
 }
 
 /// The number rounded down to three digits.
@@ -301,7 +301,7 @@ fn rounded_down(number: f64) -> f64 {
 }
 
 /// Simulation at its start; true if it continues within a stage.
-fn started(scene: &Scene, start: Option<&Path>) -> Result<(Simulation, bool), Unanswered> {
+fn started(scene: &Scene, start: Option<&Path>) -> Result<(Simulation, bool), TrialError> {
     let mut comm = Alone::default();
     let mut sim = assemble::assemble(scene, &comm);
     let same = start.map(|path| (path, Continuation::SameStage));

@@ -91,7 +91,7 @@ impl Walls<'_> {
             return Some(walls.into_iter().map(|wall| servo(vec![wall])).collect());
         }
         if walls.len() == 1 {
-            section.get("coupled")?.fail("needs two walls or more");
+            section.get("coupled")?.fail("needs two or more walls");
         }
         Some(vec![servo(walls)])
     }
@@ -120,24 +120,29 @@ impl Walls<'_> {
         }
         let has_motion = wall.course.is_some() || wall.mass.is_finite();
         if has_motion {
-            given.fail("this wall has a `[[motion]]`; leave out that, or the servo");
+            given.fail("this wall has a `[[motion]]`; leave out the motion or the servo");
         }
         if let Some(push) = push {
             check_push(given, wall, has_motion, push, domain);
             return Some(k);
         }
         if !has_motion && wall.speed_inwards() != 0.0 {
-            given.fail("this wall has a velocity along its normal; leave out that, or the servo");
+            given.fail(
+                "this wall has a velocity along its normal; leave out the velocity or the servo",
+            );
         }
         let Some(Across { axis: own, .. }) = wall.across() else {
             given.fail(if wall.mesh.is_some() {
-                "this wall has triangles; a servo of `stress` needs one plane, with a normal along x, y or z; one of `force` moves any wall"
+                "this wall has triangles; a servo of `stress` needs one plane, with a normal along x, y or z; a servo \
+                 of `force` works with any wall"
             } else if wall.facets.len() > 1 {
-                "this wall has several planes; a servo of `stress` needs one, with a normal along x, y or z; one of `force` moves any wall"
+                "this wall has several planes; a servo of `stress` needs one, with a normal along x, y or z; a servo \
+                 of `force` works with any wall"
             } else if wall.turns() {
-                "this wall is tilted, or turns out of its plane; a servo needs a normal that stays along x, y or z"
+                "this wall is tilted, or rotates out of its plane; a servo needs a constant normal along x, y or z"
             } else {
-                "this wall is tilted; a servo of `stress` needs a normal along x, y or z; one of `force` moves any wall"
+                "this wall is tilted; a servo of `stress` needs a normal along x, y or z; a servo of `force` works \
+                 with any wall"
             });
             return None;
         };
@@ -146,7 +151,8 @@ impl Walls<'_> {
             let closed = stands(1.0) && stands(-1.0);
             if !closed && domain?.open_axes().any(|open| open == axis) {
                 given.fail(format!(
-                    "its area is not known: the domain is open along {}; add walls on both sides, make it periodic, or give a `force`",
+                    "its area is not known, as the domain is open along {}; add walls on both sides, make it \
+                     periodic, or give a `force`",
                     AXES[axis]
                 ));
             }
@@ -176,8 +182,8 @@ impl Walls<'_> {
             let speed = moved.way(1.0, &room);
             let most = too_far(speed, Some(dt), library)?;
             Some(format!(
-                "`max_speed` ({max_speed:?} m/s) and what moves wall \"{}\" besides move it by up to {:.2e} m in a step within the domain, more \
-                 than {} % of the shortest axis of the smallest grain; both must be slower by a factor {:.2e}, or `step` shorter",
+                "`max_speed` ({max_speed:?} m/s) with the other motion moves wall \"{}\" by up to {:.2e} m per step, \
+                 over {} % of the shortest particle axis; reduce both by a factor {:.2e}, or `step`",
                 wall.name,
                 speed * dt,
                 100.0 * LONGEST_MOVE,
@@ -193,7 +199,7 @@ fn goal<'a>(section: &Section<'a>, is_later: bool) -> (Option<Push<'a>>, Option<
     let (force, given) = (section.get("force"), section.get("along"));
     let Some(force) = force else {
         if let Some(along) = given {
-            along.fail("is of a servo of `force`; a stress is kept along the normal");
+            along.fail("needs a servo of `force`; a stress acts along the normal");
         }
         let goal = if let Some(stress) = stress {
             stress.number().map(Goal::Stress)
@@ -204,7 +210,7 @@ fn goal<'a>(section: &Section<'a>, is_later: bool) -> (Option<Push<'a>>, Option<
         return (None, goal);
     };
     if let Some(stress) = stress {
-        stress.fail("stands beside `force`; a servo keeps one of them");
+        stress.fail("not with `force`; a servo has one target");
     }
     let newtons = force.number();
     let along = given.as_ref().and_then(Given::direction);
@@ -222,7 +228,8 @@ fn check_push(given: &Given, wall: &Wall, has_motion: bool, push: &Push, domain:
         (None, _) if is_plane => normal,
         (None, _) => {
             given.fail(
-                "this wall has no one normal; a servo of `force` needs `along`, [x, y, z], the direction in which it presses",
+                "this wall has no single normal; a servo of `force` needs `along`, [x, y, z], the direction of the \
+                 force",
             );
             return;
         }
@@ -231,7 +238,7 @@ fn check_push(given: &Given, wall: &Wall, has_motion: bool, push: &Push, domain:
     };
     let (velocity, turn) = (&wall.velocity, &wall.angular_velocity);
     if !has_motion && velocity.dot(&along).abs() > ROUNDING * velocity.norm() {
-        given.fail("this wall has a velocity along the direction of its servo; leave out that, or the servo");
+        given.fail("this wall has a velocity along the direction of its servo; leave out the velocity or the servo");
     }
     if wall.mesh.is_some()
         && let Some(given) = &push.given
@@ -239,10 +246,11 @@ fn check_push(given: &Given, wall: &Wall, has_motion: bool, push: &Push, domain:
         stays_in_period(given, &along, domain);
     }
     if is_plane && turn.cross(&normal).norm() > ROUNDING * turn.norm() {
-        given.fail("this wall turns out of its plane; a servo needs a plane that keeps its normal");
+        given.fail("this wall rotates out of its plane; a servo needs a constant normal");
     } else if !push.is_later && !wall.leads(&along) && (is_plane || !wall.may_turn()) {
         given.fail(
-            "`along` leads this wall along itself, or away from the particles; it needs a part along the normal, which points towards them",
+            "`along` is in the plane of this wall, or away from the particles; it needs a component along the normal, \
+             which points towards them",
         );
     }
 }

@@ -44,7 +44,7 @@ const LEVEL: f64 = 1e-9;
 const ONE: f64 = 0.866_025_403_784_438_6;
 
 /// A derivative. For a depth along `n` at `s` it is `n` and `s n`, so that the second column times the axis is the moment.
-type Pull = Matrix3x2<f64>;
+type DepthGradient = Matrix3x2<f64>;
 
 /// A part of the axis over one facet with `δ > 0`.
 #[derive(Clone, Copy, Debug)]
@@ -229,9 +229,9 @@ impl Part {
     }
 
     /// Derivative of the depth at `s`.
-    fn pull(&self, s: f64) -> Pull {
+    fn pull(&self, s: f64) -> DepthGradient {
         let into = -self.seen.out(s);
-        Pull::from_columns(&[into, into * s])
+        DepthGradient::from_columns(&[into, into * s])
     }
 }
 
@@ -240,17 +240,17 @@ impl Part {
 struct Lobe {
     integrals: Integrals,
     /// Derivatives of `∫ δ ds` and `∫ δ³ ds`.
-    of_depth: Pull,
-    of_cube: Pull,
+    of_depth: DepthGradient,
+    of_cube: DepthGradient,
 }
 
 /// Boundary between two lobes.
 struct Dip {
     /// `m` [m].
     depth: f64,
-    of_depth: Pull,
+    of_depth: DepthGradient,
     /// Derivative of the position of the dip.
-    of_place: Pull,
+    of_place: DepthGradient,
 }
 
 impl Dip {
@@ -261,7 +261,7 @@ impl Dip {
         let own = one.pull(s);
         if one.dips_at(s) || next.dips_at(s) {
             let (turn, bend) = one.seen.bend(s);
-            let of_slope = Pull::from_columns(&[-turn, -one.seen.out(s) - turn * s]);
+            let of_slope = DepthGradient::from_columns(&[-turn, -one.seen.out(s) - turn * s]);
             let of_place = of_slope / bend;
             return (-bend > LEVEL * radius).then_some(Self { depth, of_depth: own, of_place });
         }
@@ -275,19 +275,19 @@ impl Dip {
 }
 
 /// `D²` of a chain, and its derivative.
-fn square_of(lobes: &[Lobe], dips: &[Dip]) -> (f64, Pull) {
-    let (mut square, mut of_square) = (0.0, Pull::zeros());
+fn square_of(lobes: &[Lobe], dips: &[Dip]) -> (f64, DepthGradient) {
+    let (mut square, mut of_square) = (0.0, DepthGradient::zeros());
     for (i, own) in lobes.iter().enumerate() {
         // Such a small lobe is rounding only.
         if own.cube() <= 0.0 {
             continue;
         }
-        let (mut weight, mut of_weight) = (0.0, Pull::zeros());
+        let (mut weight, mut of_weight) = (0.0, DepthGradient::zeros());
         for (j, other) in lobes.iter().enumerate() {
             let between = dips[i.min(j)..i.max(j)].iter();
             let lowest = between.min_by(|one, other| one.depth.total_cmp(&other.depth));
             let (one, of_one) =
-                lowest.map_or((1.0, Pull::zeros()), |dip| together(dip, own, other));
+                lowest.map_or((1.0, DepthGradient::zeros()), |dip| together(dip, own, other));
             weight += one * other.depth();
             of_weight += other.of_depth * one + of_one * other.depth();
         }
@@ -298,15 +298,15 @@ fn square_of(lobes: &[Lobe], dips: &[Dip]) -> (f64, Pull) {
 }
 
 /// `ω` of two lobes with a dip between them, and its derivative.
-fn together(dip: &Dip, one: &Lobe, other: &Lobe) -> (f64, Pull) {
+fn together(dip: &Dip, one: &Lobe, other: &Lobe) -> (f64, DepthGradient) {
     if one.cube() <= 0.0 || other.cube() <= 0.0 {
-        return (1.0, Pull::zeros());
+        return (1.0, DepthGradient::zeros());
     }
     let part = |lobe: &Lobe| {
         let inverse = lobe.depth() / lobe.cube();
         let x = dip.depth * dip.depth * inverse;
         if x >= 1.0 {
-            return (1.0, Pull::zeros());
+            return (1.0, DepthGradient::zeros());
         }
         let of_x = dip.of_depth * (2.0 * dip.depth * inverse)
             + (lobe.of_depth / lobe.depth() - lobe.of_cube / lobe.cube()) * x;
@@ -344,8 +344,8 @@ impl Side {
         }
         for lobe in &mut lobes {
             let Integrals { normal, moment, .. } = &lobe.integrals;
-            lobe.of_depth = Pull::from_columns(&[normal[0], moment[0]]);
-            lobe.of_cube = Pull::from_columns(&[normal[1], moment[1]]) * 3.0;
+            lobe.of_depth = DepthGradient::from_columns(&[normal[0], moment[0]]);
+            lobe.of_cube = DepthGradient::from_columns(&[normal[1], moment[1]]) * 3.0;
         }
         for (k, Dip { depth, of_place, .. }) in dips.iter().enumerate() {
             for (lobe, sign) in [(k, 1.0), (k + 1, -1.0)] {
@@ -358,7 +358,7 @@ impl Side {
 
     /// Thickness along these chains together.
     fn in_chains(&self, chains: &[Chain]) -> Option<Thickness> {
-        let (mut squared, mut of_squared) = (0.0, Pull::zeros());
+        let (mut squared, mut of_squared) = (0.0, DepthGradient::zeros());
         let mut moments = [0.0; 3];
         let mut foot = Vec3::zeros();
         for chain in chains {

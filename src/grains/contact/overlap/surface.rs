@@ -13,7 +13,7 @@ use super::seen::{Seen, Shared};
 use super::sides::Side;
 use super::sides_on_surface::{Room, clear_of};
 use super::thickness::Thickness;
-use super::together::{Lump, thickness_of};
+use super::together::{SharedVolume, thickness_of};
 use super::{Batch, ContactResolver, Definition, Found, Outcome, Posed, Why, patch, touch};
 use crate::math::Vec3;
 use crate::shape::Shape;
@@ -292,9 +292,9 @@ impl Scratch {
         } else {
             area.normalize()
         };
-        let lumps: Vec<Vec<Lump>> = of_group
+        let lumps: Vec<Vec<SharedVolume>> = of_group
             .iter()
-            .map(|&k| cells_of(k).iter().map(|cell| Lump::of(&cell.shared)).collect())
+            .map(|&k| cells_of(k).iter().map(|cell| SharedVolume::of(&cell.shared)).collect())
             .collect();
         let weight = |i: usize, j: usize| weights[of_group[i] * count + of_group[j]];
         let size = seen.a.shape.bounding_radius();

@@ -27,7 +27,7 @@ use crate::math::{Mat3, Vec3};
 use crate::shape::clip::{Clipped, Face};
 
 /// A volume that two bodies share, as a body that was cut: its uncut facets are those of the first body.
-pub(super) struct Lump<'a> {
+pub(super) struct SharedVolume<'a> {
     shared: &'a Clipped,
     /// Rotation and scale from the axes and unit of length of the volume to those of all lumps.
     turn: Mat3,
@@ -35,7 +35,7 @@ pub(super) struct Lump<'a> {
     from: Vec3,
 }
 
-impl<'a> Lump<'a> {
+impl<'a> SharedVolume<'a> {
     /// A lump in its own axes.
     pub(super) fn of(shared: &'a Clipped) -> Self {
         Self { shared, turn: Mat3::identity(), from: Vec3::zeros() }
@@ -70,7 +70,7 @@ impl<'a> Lump<'a> {
 /// A member is a group of lumps that are joined to all others to the same degree, given by `weight`. Moments are summed in axes of which the
 /// third is `upright`, a unit vector; `size` is that of the first body [m].
 pub(super) fn thickness_of(
-    members: &[Vec<Lump>],
+    members: &[Vec<SharedVolume>],
     weight: impl Fn(usize, usize) -> f64,
     upright: &Vec3,
     size: f64,
@@ -135,7 +135,7 @@ struct Wrench {
 
 impl Wrench {
     /// Adds a pressure on the facets of the first body.
-    fn press(&mut self, lump: &Lump, pressure: &Pressure, place: impl Fn(Vec3) -> Vec3) {
+    fn press(&mut self, lump: &SharedVolume, pressure: &Pressure, place: impl Fn(Vec3) -> Vec3) {
         for face in lump.faces().filter(|face| !face.is_cut) {
             for corners in fan(face.corners) {
                 let corners = corners.map(|k| place(lump.at(k)));
@@ -198,7 +198,7 @@ impl Moments {
     }
 
     /// Moments of a polyhedron about an origin, in axes that are columns.
-    fn of(lump: &Lump, axes: &Mat3, origin: &Vec3) -> Self {
+    fn of(lump: &SharedVolume, axes: &Mat3, origin: &Vec3) -> Self {
         let place = |k: usize| axes.tr_mul(&(lump.at(k) - origin));
         let (mut volume, mut first, mut second) = (0.0, Vec3::zeros(), Mat3::zeros());
         // About one of its own vertices, so that thin volumes keep their digits.

@@ -5,7 +5,7 @@ use super::faces::shared;
 use super::seen::Seen;
 use super::surface::cells_of;
 use super::thickness::Thickness;
-use super::together::{Lump, thickness_of};
+use super::together::{SharedVolume, thickness_of};
 use crate::contact::Posed;
 use crate::math::Vec3;
 use crate::shape::clip::Clipped;
@@ -89,13 +89,13 @@ fn contacts(
     let lump = |&k: &usize| {
         let Cut { pair, shared } = &all[k];
         let PairOfPieces { a, from, .. } = &pairs[*pair];
-        vec![Lump::placed(shared, a.frame * a.scale, *from)]
+        vec![SharedVolume::placed(shared, a.frame * a.scale, *from)]
     };
     let mut found = Vec::new();
     for first in (0..all.len()).filter(|&k| group[k] == k) {
         let members: Vec<usize> = (first..all.len()).filter(|&k| group[k] == first).collect();
-        let lumps: Vec<Vec<Lump>> = members.iter().map(lump).collect();
-        let area: Vec3 = lumps.iter().flatten().map(Lump::area).sum();
+        let lumps: Vec<Vec<SharedVolume>> = members.iter().map(lump).collect();
+        let area: Vec3 = lumps.iter().flatten().map(SharedVolume::area).sum();
         let upright = area.try_normalize(0.0).unwrap_or_else(Vec3::z);
         let size = pairs[all[first].pair].a.bounding_radius();
         let weight = |i: usize, j: usize| oneness(members[i], members[j]);

@@ -58,6 +58,12 @@ fn index(word: &str, count: usize, line: usize) -> Result<usize, MeshError> {
     };
     index.ok_or_else(|| {
         let word = text::shown(word);
-        malformed(line, format!("`{word}` is no corner of a face; the first is 1, and -1 the last of {count} before this line"))
+        malformed(
+            line,
+            format!(
+                "`{word}` is not a corner of a face; the first is 1, and -1 the last of {count} \
+             before this line"
+            ),
+        )
     })
 }

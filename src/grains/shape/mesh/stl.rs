@@ -33,13 +33,13 @@ fn of_bytes(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, MeshError> {
     let whole = |cause| MeshError::Malformed { place: String::new(), cause };
     let Some(count) = count(bytes) else {
         return Err(whole(format!(
-            "a binary STL file has at least {HEADER} bytes, this one has {size}: it is cut off"
+            "a binary STL file has at least {HEADER} bytes, this one {size}: it is incomplete"
         )));
     };
     let records = bytes[HEADER..].chunks_exact(RECORD);
     if records.len() < count {
         return Err(whole(format!(
-            "it says that it has {count} triangles, and has bytes for {}: it is cut off, or no STL file",
+            "its header gives {count} triangles, but its bytes are for {}: it is incomplete, or not an STL file",
             records.len()
         )));
     }
@@ -104,7 +104,7 @@ fn of_text(text: &str) -> Result<Vec<[Vec3; 3]>, MeshError> {
             ("endfacet", Place::Facet) => {
                 let count = corners.len();
                 let triangle = std::mem::take(&mut corners).try_into().map_err(|_| {
-                    malformed(line, format!("this facet has {count} vertices; STL has triangles"))
+                    malformed(line, format!("this facet has {count} vertices; STL needs triangles"))
                 })?;
                 triangles.push(triangle);
                 Place::Solid
@@ -113,15 +113,15 @@ fn of_text(text: &str) -> Result<Vec<[Vec3; 3]>, MeshError> {
             (other, Place::Outside) if other != "facet" => Place::Outside,
             _ => {
                 let (words, word) = (place.words(), text::shown(word));
-                return Err(malformed(line, format!("{words} should stand here, not `{word}`")));
+                return Err(malformed(line, format!("expected {words}, not `{word}`")));
             }
         };
     }
     if place != Place::Outside {
-        return Err(malformed(last, "the file ends here, before `endsolid`: it is cut off"));
+        return Err(malformed(last, "the file ends before `endsolid`: it is incomplete"));
     }
     if !has_solid {
-        return Err(malformed(1, "no line begins with `solid`, as in a text of STL"));
+        return Err(malformed(1, "no line begins with `solid`, as needed in a text STL"));
     }
     Ok(triangles)
 }

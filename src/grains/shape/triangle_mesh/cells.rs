@@ -124,7 +124,7 @@ impl Cells {
 }
 
 /// A side of a triangle, behind which cells are constructed.
-struct Seat {
+struct CellSide {
     triangle: u32,
     front: Front,
     own: Plane,
@@ -136,7 +136,7 @@ struct Seat {
     size: f64,
 }
 
-impl Seat {
+impl CellSide {
     /// Plane at the end of a frustum of this depth [m].
     fn bottom(&self, depth: f64) -> Plane {
         Plane { normal: -self.own.normal, offset: depth - self.own.offset }
@@ -234,7 +234,7 @@ impl<'a> Making<'a> {
     fn behind(&mut self, triangle: u32, front: Front) -> Vec<Vec<Plane>> {
         let corners = self.corners(triangle);
         let (low, high) = bounds(&corners);
-        let seat = Seat {
+        let seat = CellSide {
             triangle,
             front,
             own: self.mesh.plane_from(triangle, front),
@@ -269,7 +269,7 @@ impl<'a> Making<'a> {
     }
 
     /// The frustum within the given planes as well, relative to the middle.
-    fn body(&self, seat: &Seat, planes: &[Plane]) -> Option<Clipped> {
+    fn body(&self, seat: &CellSide, planes: &[Plane]) -> Option<Clipped> {
         let mut body = Clipped::default();
         body.begin(&cube(2.0 * seat.size + WIDEST * self.deep));
         let all = [&seat.own].into_iter().chain(&seat.borders).chain(planes);
@@ -277,7 +277,7 @@ impl<'a> Making<'a> {
     }
 
     /// Triangles of other flats in a box that may enter a frustum of twice the depth, in rising order.
-    fn near(&mut self, seat: &Seat, (low, high): (Vec3, Vec3)) -> Vec<u32> {
+    fn near(&mut self, seat: &CellSide, (low, high): (Vec3, Vec3)) -> Vec<u32> {
         let level = self.mesh.solid().level;
         let flat = self.mesh.flat_of(seat.triangle);
         let mut near = Vec::new();
@@ -299,7 +299,7 @@ impl<'a> Making<'a> {
     }
 
     /// Flats around a box that meet that of a triangle in convex edges and have it behind their planes, in rising order.
-    fn beyond(&self, seat: &Seat, (low, high): (Vec3, Vec3)) -> Vec<(u32, Plane)> {
+    fn beyond(&self, seat: &CellSide, (low, high): (Vec3, Vec3)) -> Vec<(u32, Plane)> {
         let own = self.mesh.flat_of(seat.triangle);
         let reach = Vec3::repeat(self.deep);
         let (low, high) = (low - reach, high + reach);
@@ -333,7 +333,7 @@ impl<'a> Making<'a> {
     /// Each part is given by its planes, of which the first is its end.
     fn by_backs(
         &self,
-        seat: &Seat,
+        seat: &CellSide,
         planes: &[Plane],
         near: &[u32],
         but: &[(u32, Plane)],
@@ -367,7 +367,7 @@ impl<'a> Making<'a> {
     }
 
     /// Divides the shadow of the nearest back from the rest of a part. Returns the number of new parts.
-    fn divide(&self, seat: &Seat, mut part: Part, parts: &mut VecDeque<Part>) -> usize {
+    fn divide(&self, seat: &CellSide, mut part: Part, parts: &mut VecDeque<Part>) -> usize {
         let nearer = |one: &(usize, &Back), other: &(usize, &Back)| {
             one.1.half[0].total_cmp(&other.1.half[0])
         };
@@ -394,7 +394,7 @@ impl<'a> Making<'a> {
     /// A triangle as a back of the seat, if it is one.
     fn back(
         &self,
-        seat: &Seat,
+        seat: &CellSide,
         other: u32,
         planes: &[Plane],
         but: &[(u32, Plane)],
@@ -429,7 +429,7 @@ impl<'a> Making<'a> {
     }
 
     /// Whether backs cover a part almost everywhere at about twice the distance `half` of the nearest one [m].
-    fn is_even(&self, seat: &Seat, part: &Part, half: f64) -> bool {
+    fn is_even(&self, seat: &CellSide, part: &Part, half: f64) -> bool {
         let Plane { normal, offset } = seat.own;
         let [x, y] = across(&normal);
         let size = 2.0 * seat.size + WIDEST * self.deep;
@@ -445,7 +445,7 @@ impl<'a> Making<'a> {
     /// The part that is cut off is over these flats, so it belongs to the cells behind them.
     fn cuts_by(
         &self,
-        seat: &Seat,
+        seat: &CellSide,
         planes: &[Plane],
         beyond: &[(u32, Plane)],
     ) -> (Vec<(u32, Plane)>, Vec<Plane>) {
@@ -518,7 +518,7 @@ impl<'a> Making<'a> {
     /// Adds a cell. Where triangles of its own part enter it, it is cut into pieces, and those in front of the part are dropped.
     fn keep_behind(
         &self,
-        seat: &Seat,
+        seat: &CellSide,
         mut planes: Vec<Plane>,
         near: &[u32],
         cells: &mut Vec<Vec<Plane>>,
@@ -554,7 +554,7 @@ impl<'a> Making<'a> {
     }
 
     /// Plane halfway to a triangle of another part, if the triangle of the seat lies on one side of its plane.
-    fn halfway(&self, seat: &Seat, other: u32) -> Option<Plane> {
+    fn halfway(&self, seat: &CellSide, other: u32) -> Option<Plane> {
         let plane = self.mesh.plane_from(other, Front::Front);
         let back = Plane { normal: -plane.normal, offset: -plane.offset };
         let plane =
@@ -563,7 +563,7 @@ impl<'a> Making<'a> {
     }
 
     /// Whether a triangle enters the frustum within these planes by more than the rounding of files.
-    fn comes_in(&self, seat: &Seat, other: u32, planes: &[Plane]) -> bool {
+    fn comes_in(&self, seat: &CellSide, other: u32, planes: &[Plane]) -> bool {
         let all = [&seat.own].into_iter().chain(&seat.borders).chain(planes);
         let mut polygon = self.corners(other).to_vec();
         for Plane { normal, offset } in all {
@@ -573,7 +573,7 @@ impl<'a> Making<'a> {
     }
 
     /// Whether the middle of the frustum within these planes is behind the part.
-    fn is_behind(&self, seat: &Seat, planes: &[Plane]) -> bool {
+    fn is_behind(&self, seat: &CellSide, planes: &[Plane]) -> bool {
         let Some(body) = self.body(seat, planes) else { return false };
         let vertices = body.left().iter().map(|&k| body.vertices()[k as usize]);
         let middle = vertices.sum::<Vec3>() / body.left().len() as f64 + seat.middle;

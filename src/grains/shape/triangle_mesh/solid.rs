@@ -52,13 +52,13 @@ const AT: f64 = 1e-9;
 #[derive(Clone, Debug, thiserror::Error, PartialEq)]
 pub enum NoSolid {
     /// A Möbius strip.
-    #[error("has one side only, as a Möbius strip, seen at ({:e}, {:e}, {:e}) m", .0.x, .0.y, .0.z)]
+    #[error("has only one side, as a Möbius strip, at ({:e}, {:e}, {:e}) m", .0.x, .0.y, .0.z)]
     OneSided(Vec3),
     /// Two triangles on each other.
     #[error("is folded onto itself at ({:e}, {:e}, {:e}) m", .0.x, .0.y, .0.z)]
     Folded(Vec3),
     /// A cylinder or a cone.
-    #[error("is no surface of triangles")]
+    #[error("is not a surface of triangles")]
     Round,
 }
 

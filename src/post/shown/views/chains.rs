@@ -93,8 +93,8 @@ impl Chains {
             name: "force_chains".into(),
             title: "Force chains".into(),
             caption: format!(
-                "Side view: a line for each contact{left_out}, as wide as its normal force is large; \
-                 blue above the mean."
+                "Side view: one line per contact{left_out}, width proportional to the normal force; blue above the \
+                 mean."
             ),
             width: Width::Half,
             svg,

@@ -75,8 +75,7 @@ impl Field {
             name: "velocity_field".into(),
             title: "Velocities".into(),
             caption:
-                "Side view: velocity of the centre of mass of the grains in each cell, through \
-                      the whole depth."
+                "Side view: velocity of the centre of mass of the particles in each cell, averaged over the depth."
                     .into(),
             width: Width::Half,
             svg,

@@ -175,8 +175,7 @@ impl Profile {
             let mut weight = "";
             if self.gravity > 0.0 && self.period.is_none() {
                 curves.insert(0, curve("weight above", MUTED, &|layer| layer.weight_above));
-                weight = " Without walls that carry by friction a bed at rest keeps the vertical one \
-                          at the weight above.";
+                weight = " Without wall friction, the vertical stress of a bed at rest equals the weight above.";
             }
             let values = curves.iter().flat_map(|c| &c.points).map(|p| p.0);
             let axes = linear("stress (Pa)", "z (m)", span(values.chain([0.0])), heights());
