@@ -320,122 +320,148 @@ pub fn take_up(
     let reader = Reader::open_together(path, comm)?;
     let read = read_part(&reader, reader.path(), scene, comm);
     let (header, mut particles, records) = agree(comm, read)?;
-    if continuation == Continuation::SameStage && start_of(&scene.text) != start_of(&header.scene) {
-        return Err(StartError::OtherStage {
-            path: reader.path().to_owned(),
-            start: start_of(&header.scene).unwrap_or_else(|| "none".to_owned()),
-        });
-    }
-    // A new stage finds its forces anew; a continued one needs the whole state of its law.
-    let is_known = |wanted: &&StateColumn| records.columns().contains(wanted);
-    if continuation == Continuation::SameStage
-        && let Some(column) = sim.law.state().iter().find(|column| !is_known(column))
-    {
-        let (path, column) = (reader.path().to_owned(), column.name.to_string());
-        return Err(StartError::Forgotten { path, column });
-    }
-
-    let shortened = MOST_SHORTENED * scene.dt..scene.dt;
-    if continuation == Continuation::SameStage && scene.own_step && shortened.contains(&header.dt) {
-        sim.dt = header.dt;
+    let goes_on = continuation == Continuation::SameStage;
+    if goes_on {
+        check_stage(sim, scene, (&header, reader.path()), &records)?;
+        let shortened = MOST_SHORTENED * scene.dt..scene.dt;
+        if scene.own_step && shortened.contains(&header.dt) {
+            sim.dt = header.dt;
+        }
     }
     sim.particles.cell = cell_of(scene, &header, reader.path(), continuation)?;
     sim.domain.follow(&sim.particles.cell);
     let mut library = sim.particles.library.clone();
     for particle in &mut particles {
-        match continuation {
-            Continuation::NewStage => {
-                groups::join(&scene.groups, particle, &library, &scene.domain);
-            }
-            Continuation::SameStage => groups::take_shape(&scene.groups, particle, &library),
+        if goes_on {
+            groups::take_shape(&scene.groups, particle, &library);
+        } else {
+            groups::join(&scene.groups, particle, &library, &scene.domain);
         }
     }
-    if continuation == Continuation::SameStage {
+    if goes_on {
         admit_saved(&mut library, &header);
     }
     admit_sizes(sim, scene, reader.path(), (library, &particles), comm)?;
-    sim.next_id = header.next_id;
-    sim.step = header.step;
-    match continuation {
-        Continuation::SameStage => {
-            (sim.stage_begin, sim.stage_shift) = (header.stage_begin, header.stage_shift);
-            sim.departed = header.departed;
-            sim.most_moving = header.most_moving;
-            let steps = (header.step - header.stage_begin.0) as f64;
-            if header.dt != sim.dt {
-                sim.stage_shift += steps * (header.dt - sim.dt);
-            }
-            if scene.groups.is_empty() && header.drives.iter().any(|s| s.drive == groups::NAME) {
-                let (path, error) = (reader.path().to_owned(), groups::other_groups("some"));
-                return Err(StartError::Drive { path, error });
-            }
-        }
-        Continuation::NewStage => {
-            sim.stage_begin = (header.step, header.time);
-            // Replaces the old flow by the present one.
-            let flows = [&header.cell, &sim.particles.cell];
-            for particle in &mut particles {
-                particle.accumulated = Accumulated::default();
-                let [before, now] = flows.map(|cell| cell.flow_at(&particle.position));
-                particle.velocity += now - before;
-            }
+    set_clock(sim, &header, goes_on);
+    if !goes_on {
+        // Replaces the old flow by the present one.
+        let flows = [&header.cell, &sim.particles.cell];
+        for particle in &mut particles {
+            particle.accumulated = Accumulated::default();
+            let [before, now] = flows.map(|cell| cell.flow_at(&particle.position));
+            particle.velocity += now - before;
         }
     }
-    let (mut walls_elsewhere, mut other_walls) = (Vec::new(), Vec::new());
-    let goes_on = continuation == Continuation::SameStage && header.dt == sim.dt;
+    let (walls_elsewhere, other_walls) = take_up_walls(sim, scene, &header, goes_on);
+    check_steered(sim, scene, reader.path())?;
+    let of_law = sim.law.state();
+    let is_forgotten = |column: &&StateColumn| !of_law.contains(column);
+    let forgotten = records.columns().iter().filter(is_forgotten);
+    let forgotten = forgotten.map(|column| column.name.to_string()).collect();
+    let resumed = sim.resume_drives(&header.drives, !goes_on, comm);
+    resumed.map_err(|error| StartError::Drive { path: reader.path().to_owned(), error })?;
+    sim.take_up(&particles, &records, comm);
+    if !goes_on {
+        sim.count_free_energy();
+    } else if header.dt != sim.dt || header.gravity != sim.field.gravity {
+        sim.change_step_or_gravity(header.dt, header.gravity);
+    }
+    let passed_over = reader.passed_over().to_vec();
+    Ok(RestartInfo { passed_over, stop: header.stop, walls_elsewhere, other_walls, forgotten })
+}
+
+/// Checks that a snapshot is of the same stage, and has the whole state of the law and of groups: a new stage finds its forces anew, a
+/// continued one does not.
+fn check_stage(
+    sim: &Simulation,
+    scene: &Scene,
+    (header, path): (&Header, &Path),
+    records: &ContactRecords,
+) -> Result<(), StartError> {
+    let path = path.to_owned();
+    if start_of(&scene.text) != start_of(&header.scene) {
+        let start = start_of(&header.scene).unwrap_or_else(|| "none".to_owned());
+        return Err(StartError::OtherStage { path, start });
+    }
+    let is_known = |wanted: &&StateColumn| records.columns().contains(wanted);
+    if let Some(column) = sim.law.state().iter().find(|column| !is_known(column)) {
+        return Err(StartError::Forgotten { path, column: column.name.to_string() });
+    }
+    if scene.groups.is_empty() && header.drives.iter().any(|s| s.drive == groups::NAME) {
+        return Err(StartError::Drive { path, error: groups::other_groups("some") });
+    }
+    Ok(())
+}
+
+/// Sets the steps, times and counts of a simulation, which goes on in the same stage or begins a new one.
+fn set_clock(sim: &mut Simulation, header: &Header, goes_on: bool) {
+    sim.next_id = header.next_id;
+    sim.step = header.step;
+    if !goes_on {
+        sim.stage_begin = (header.step, header.time);
+        return;
+    }
+    (sim.stage_begin, sim.stage_shift) = (header.stage_begin, header.stage_shift);
+    sim.departed = header.departed;
+    sim.most_moving = header.most_moving;
+    let steps = (header.step - header.stage_begin.0) as f64;
+    if header.dt != sim.dt {
+        sim.stage_shift += steps * (header.dt - sim.dt);
+    }
+}
+
+/// Puts walls where they were. Returns the walls of a new stage that the scene has elsewhere, with their distances [m], and the walls of
+/// another form.
+fn take_up_walls(
+    sim: &mut Simulation,
+    scene: &Scene,
+    header: &Header,
+    goes_on: bool,
+) -> (Vec<(String, f64)>, Vec<String>) {
+    let (mut elsewhere, mut others) = (Vec::new(), Vec::new());
+    let has_same_step = goes_on && header.dt == sim.dt;
     let room = scene.domain.corners();
     let before = StageSoFar { dt: header.dt, time: header.time - header.stage_begin.1 };
-    let now = (header.step, (continuation == Continuation::SameStage).then_some(before));
+    let now = (header.step, goes_on.then_some(before));
     let Particles { walls, library, .. } = &mut sim.particles;
     for wall in walls {
         if let Some(row) = header.walls.iter().find(|row| row.name == wall.name) {
             // A wall keeps its place from stage to stage; the scene determines whether it moves.
             let surface = (row.point, row.normal);
-            match wall.go_on(&surface, row.body.as_ref(), goes_on, now, library, &room) {
-                None => other_walls.push(wall.name.clone()),
-                Some(off) if continuation == Continuation::NewStage && off > 0.0 => {
-                    walls_elsewhere.push((wall.name.clone(), off));
-                }
+            match wall.go_on(&surface, row.body.as_ref(), has_same_step, now, library, &room) {
+                None => others.push(wall.name.clone()),
+                Some(off) if !goes_on && off > 0.0 => elsewhere.push((wall.name.clone(), off)),
                 Some(_) => {}
             }
         }
     }
+    (elsewhere, others)
+}
+
+/// Checks that walls that forces move stand as they must.
+fn check_steered(sim: &Simulation, scene: &Scene, path: &Path) -> Result<(), StartError> {
     let Particles { walls, cell, .. } = &sim.particles;
+    let path = path.to_owned();
     if let Some(wall) = walls.iter().find(|wall| wall.mass.is_finite() && wall.is_turned()) {
-        return Err(StartError::Turned { path: reader.path().to_owned(), wall: wall.name.clone() });
+        return Err(StartError::Turned { path, wall: wall.name.clone() });
     }
     let has_area =
         |wall: &Wall| wall.across().and_then(|own| area(walls, cell, own.axis)).is_some();
     let steered =
-        scene.servos.iter().flat_map(|servo| servo.walls.iter().map(|&k| (servo.goal, k)));
-    for (goal, wall) in steered.map(|(goal, k)| (goal, &walls[k])) {
-        let (path, name) = (reader.path(), &wall.name);
+        scene.servos.iter().flat_map(|servo| servo.walls.iter().map(|&k| (servo.goal, &walls[k])));
+    for (goal, wall) in steered {
+        let name = &wall.name;
         match goal {
             Goal::Stress(_) if !has_area(wall) => {
-                return Err(StartError::Tilted { path: path.to_owned(), wall: name.clone() });
+                return Err(StartError::Tilted { path, wall: name.clone() });
             }
             Goal::Force { .. } if !wall.leads(&goal.along(wall)) && !wall.may_turn() => {
-                return Err(StartError::Astray { path: path.to_owned(), wall: name.clone() });
+                return Err(StartError::Astray { path, wall: name.clone() });
             }
             _ => {}
         }
     }
-    let of_law = sim.law.state();
-    let is_forgotten = |column: &&StateColumn| !of_law.contains(column);
-    let forgotten = records.columns().iter().filter(is_forgotten);
-    let forgotten = forgotten.map(|column| column.name.to_string()).collect();
-    let resumed = sim.resume_drives(&header.drives, continuation == Continuation::NewStage, comm);
-    resumed.map_err(|error| StartError::Drive { path: reader.path().to_owned(), error })?;
-    sim.take_up(&particles, &records, comm);
-    match continuation {
-        Continuation::NewStage => sim.count_free_energy(),
-        Continuation::SameStage if header.dt != sim.dt || header.gravity != sim.field.gravity => {
-            sim.change_step_or_gravity(header.dt, header.gravity);
-        }
-        Continuation::SameStage => {}
-    }
-    let passed_over = reader.passed_over().to_vec();
-    Ok(RestartInfo { passed_over, stop: header.stop, walls_elsewhere, other_walls, forgotten })
+    Ok(())
 }
 
 /// Value of `start` in the text of a scene.

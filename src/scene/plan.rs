@@ -128,6 +128,29 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
     groups(scene, page);
     shapes(scene, page);
     walls(scene, page);
+    contacts(scene, page);
+    if scene.audit.every > 0 {
+        page.line("audit", scene.audit.words());
+        if !scene.library.pieces.is_empty() {
+            page.line("", "without contacts of unions");
+        }
+    }
+    let needs = scene.needs();
+    let columns = [
+        (true, "position, velocity, force"),
+        (needs.spin, "angular velocity, torque"),
+        (needs.orientation, "orientation, angular momentum"),
+        (needs.image, "period counts"),
+        (needs.scale, "scales"),
+        (needs.ahead, "predicted velocity increments"),
+    ];
+    let columns: Vec<&str> =
+        columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();
+    page.line("columns", columns.join("; "));
+}
+
+/// Law of the contacts, its constants, and the method for each pair of kinds.
+fn contacts(scene: &Scene, page: &mut Page) {
     let law = scene.force_law();
     page.line("law", law.about().name());
     let pairs = pairs_of_materials(scene);
@@ -159,24 +182,6 @@ fn what_is_in(scene: &Scene, page: &mut Page) {
             line("round-wall", if how == FACETS { "side and ends" } else { how });
         }
     }
-    if scene.audit.every > 0 {
-        page.line("audit", scene.audit.words());
-        if !scene.library.pieces.is_empty() {
-            page.line("", "without contacts of unions");
-        }
-    }
-    let needs = scene.needs();
-    let columns = [
-        (true, "position, velocity, force"),
-        (needs.spin, "angular velocity, torque"),
-        (needs.orientation, "orientation, angular momentum"),
-        (needs.image, "period counts"),
-        (needs.scale, "scales"),
-        (needs.ahead, "predicted velocity increments"),
-    ];
-    let columns: Vec<&str> =
-        columns.iter().filter(|(is_in, _)| *is_in).map(|&(_, name)| name).collect();
-    page.line("columns", columns.join("; "));
 }
 
 /// Held and pushed groups.

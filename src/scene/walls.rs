@@ -381,6 +381,37 @@ pub(super) fn are_driven(root: &Section) -> bool {
         || root.sections("motion").iter().any(|motion| !has(motion, "mass"))
 }
 
+/// Planes of a wall, one or several: a point [m] and a normal each.
+fn planes(section: &Section, domain: Option<&Cell>) -> Option<Vec<(Vec3, Vec3)>> {
+    if section.get("planes").is_none() {
+        return plane(section, domain).map(|plane| vec![plane]);
+    }
+    for key in ["point", "normal"] {
+        if let Some(given) = section.get(key) {
+            given.fail("not with `planes`; write it as one of them");
+        }
+    }
+    let planes = section.sections("planes");
+    let read: Vec<_> = planes.iter().map(|section| plane(section, domain)).collect();
+    read.into_iter().collect()
+}
+
+/// Facets of a surface, with its images in a periodic domain.
+fn meshed(surface: Surface, domain: Option<&Cell>) -> Option<TriangleMesh> {
+    match surface {
+        Surface::Triangles(given, Triangles { mut corners, shift, rounded, weld, smooth }) => {
+            let own = corners.len();
+            add_images(&given, &mut corners, (&shift, rounded), domain);
+            let mesh = TriangleMesh::with_images(&corners, own, weld, smooth);
+            mesh.map_err(|error| given.fail(error)).ok()
+        }
+        Surface::OfRevolution { given, from, to, radii } => {
+            let surface = TriangleMesh::of_revolution(&Vec3::zeros(), &(to - from), radii);
+            Some(surface.going_on(beyond_ends(&given, (&from, &to), radii, domain)))
+        }
+    }
+}
+
 /// A wall from a `[[wall]]`.
 fn planned(
     name: String,
@@ -391,20 +422,7 @@ fn planned(
 ) -> Option<Planned> {
     let chosen = SURFACES.into_iter().find_map(|key| Some((key, section.get(key)?)));
     let surface = chosen.map(|chosen| surface(section, chosen, folder));
-    let planes = if surface.is_some() {
-        Some(Vec::new())
-    } else if section.get("planes").is_some() {
-        for key in ["point", "normal"] {
-            if let Some(given) = section.get(key) {
-                given.fail("not with `planes`; write it as one of them");
-            }
-        }
-        let planes = section.sections("planes");
-        let read: Vec<_> = planes.iter().map(|section| plane(section, domain)).collect();
-        read.into_iter().collect::<Option<Vec<_>>>()
-    } else {
-        plane(section, domain).map(|plane| vec![plane])
-    };
+    let planes = if surface.is_some() { Some(Vec::new()) } else { self::planes(section, domain) };
     let velocity = section.vector_or("velocity", Vec3::zeros());
     let rotation =
         section.read_or("rotation", None, |given| rotation(&given.section()?, domain).map(Some));
@@ -428,19 +446,7 @@ fn planned(
     if let Some(surface) = surface {
         let surface = surface?;
         let origin = surface.origin();
-        let surface = match surface {
-            Surface::Triangles(given, Triangles { mut corners, shift, rounded, weld, smooth }) => {
-                let own = corners.len();
-                add_images(&given, &mut corners, (&shift, rounded), domain);
-                TriangleMesh::with_images(&corners, own, weld, smooth)
-                    .map_err(|error| given.fail(error))
-                    .ok()?
-            }
-            Surface::OfRevolution { given, from, to, radii } => {
-                let surface = TriangleMesh::of_revolution(&Vec3::zeros(), &(to - from), radii);
-                surface.going_on(beyond_ends(&given, (&from, &to), radii, domain))
-            }
-        };
+        let surface = meshed(surface, domain)?;
         if let Some(given) = section.get("velocity") {
             stays_in_period(&given, &velocity?, domain);
         }
