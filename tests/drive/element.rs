@@ -443,7 +443,8 @@ fn cyclic(folder: &std::path::Path, rest: &str) -> Scene {
     let table = folder.join("strain.csv");
     std::fs::write(&table, THERE_AND_BACK).unwrap();
     let cell = format!(
-        "[cell]\nxx = {{ table = {table:?} }}\nconstant_volume = true\nxy = {{ amplitude = 0.01, frequency = 500, phase = 30 }}"
+        "[cell]\nxx = {{ table = \"{}\" }}\nconstant_volume = true\nxy = {{ amplitude = 0.01, frequency = 500, phase = 30 }}",
+        table.display()
     );
     scene(&(crowd(&cell, BALL, ROUGH, 4, 3e-6) + rest))
 }

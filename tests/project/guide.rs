@@ -66,7 +66,9 @@ fn every_scene_of_the_guide_can_be_read() -> anyhow::Result<()> {
             let name = format!("{}, block {k}", path.display());
             // A part of a ready scene, which is named above it.
             let first = block.lines().next().and_then(|line| line.strip_prefix("# "));
-            if let Some(scene) = first.filter(|scene| scene.ends_with(".toml")) {
+            if let Some(scene) =
+                first.filter(|scene| Path::new(scene).extension().is_some_and(|e| e == "toml"))
+            {
                 let whole = fs::read_to_string(scene).with_context(|| name.clone())?;
                 let whole = Value::Table(whole.parse::<Table>().with_context(|| name.clone())?);
                 let part = Value::Table(block.parse::<Table>().with_context(|| name.clone())?);
