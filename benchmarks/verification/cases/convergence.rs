@@ -29,6 +29,8 @@ struct Problem {
     steps: u64,
     /// Errors of translation, rotation, or both.
     error: Errors,
+    /// Errors with dashpots of second order, `foresee = true`.
+    foreseen: Option<Errors>,
     /// Errors of LAMMPS.
     of_lammps: Option<Errors>,
 }
@@ -77,16 +79,21 @@ impl Orders {
 
     /// Adds the order of a quantity with these errors.
     fn add(&mut self, problem: &Problem, what: &str, errors: &[f64]) {
-        let (order, finest) = (slope(errors), errors[3]);
-        let case = if problem.order == 2.0 { &mut self.two } else { &mut self.one };
+        if problem.order == 2.0 {
+            return self.add_second(what, errors);
+        }
+        let order = slope(errors);
         let scale = if order < problem.order { 1.0 } else { f64::INFINITY };
-        let constant = finest * (problem.steps << 3) as f64;
-        let told = if problem.order == 2.0 {
-            format!("{what} (error {finest:.1e})")
-        } else {
-            format!("{what} (error {constant:.2e} / steps; {})", problem.why)
-        };
-        case.over(scale, told, problem.order, order);
+        let constant = errors[3] * (problem.steps << 3) as f64;
+        let row = format!("{what} (error {constant:.2e} / steps; {})", problem.why);
+        self.one.over(scale, row, problem.order, order);
+    }
+
+    /// Adds the order of a quantity whose errors should be of second order.
+    fn add_second(&mut self, what: &str, errors: &[f64]) {
+        let order = slope(errors);
+        let scale = if order < 2.0 { 1.0 } else { f64::INFINITY };
+        self.two.over(scale, format!("{what} (error {:.1e})", errors[3]), 2.0, order);
     }
 
     /// Adds errors beside those of LAMMPS.
@@ -139,6 +146,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     }
     for problem in problems() {
         let own = problem.errors(&*problem.error);
+        let foreseen = problem.foreseen.as_ref().map(|of| problem.errors(&**of));
         let of_lammps = problem.of_lammps.as_ref().filter(|_| with_lammps);
         let theirs = of_lammps.map(|of| problem.errors(&**of));
         let mut curves = Vec::new();
@@ -147,6 +155,12 @@ pub(crate) fn run(effort: Effort) -> Findings {
             orders.add(&problem, &what, errors);
             let points = problem.points(errors);
             curves.push(Curve::new(format!("{what}, order {:.2}", slope(errors)), points));
+            if let Some(foreseen) = &foreseen {
+                let errors = &foreseen[k].1;
+                orders.add_second(&format!("{what}, foreseen"), errors);
+                let name = format!("with foresee = true, order {:.2}", slope(errors));
+                curves.push(Curve::new(name, problem.points(errors)));
+            }
             if let Some(theirs) = &theirs {
                 let theirs = &theirs[k].1;
                 orders.compare(&problem, &what, errors, theirs);
@@ -216,6 +230,12 @@ fn start(setup: &Setup) -> Body {
 
 const WITH_DASHPOT: &str = "the dashpot's force is of a velocity that is not that of the positions";
 
+/// The setup with dashpots of second order.
+fn foreseeing(mut setup: Setup) -> Setup {
+    setup.text = setup.text.replacen("[law]", "[law]\nforesee = true", 1);
+    setup
+}
+
 /// A ball that oscillates on its contact with the floor and never leaves it.
 fn resting(name: &'static str, restitution: f64) -> Problem {
     let ball = ball(restitution);
@@ -251,6 +271,12 @@ fn resting(name: &'static str, restitution: f64) -> Problem {
         why: WITH_DASHPOT,
         steps: 92,
         error: Box::new(move |n| error(&setup(n).run(n, n).pop().expect("an end").bodies[0])),
+        foreseen: (restitution < 1.0).then(|| -> Errors {
+            Box::new(move |n| {
+                let setup = foreseeing(setup(n));
+                error(&setup.run(n, n).pop().expect("an end").bodies[0])
+            })
+        }),
         of_lammps: Some(Box::new(move |n| {
             let setup = setup(n);
             error(&decks::ball_on_floor(&ball, &start(&setup), G, setup.dt, n))
@@ -290,6 +316,15 @@ fn collision(name: &'static str, restitution: f64) -> Problem {
             mean(&|phase| {
                 let (gap, setup) = setup(n, phase);
                 error(gap, &setup.run(n, n).pop().expect("an end").bodies[0])
+            })
+        }),
+        foreseen: (restitution < 1.0).then(|| -> Errors {
+            Box::new(move |n| {
+                mean(&|phase| {
+                    let (gap, setup) = setup(n, phase);
+                    let frames = foreseeing(setup).run(n, n);
+                    error(gap, &frames.last().expect("an end").bodies[0])
+                })
             })
         }),
         of_lammps: Some(Box::new(move |n| {
@@ -402,6 +437,7 @@ fn held(name: &'static str, ball: Ball, velocity: f64, end: f64, steps: u64) -> 
         error: Box::new(move |n| {
             here(ball).error(&setup(n).run(n, n).pop().expect("an end").bodies[0], end)
         }),
+        foreseen: None,
         of_lammps: Some(Box::new(move |n| {
             let setup = setup(n);
             let end_of = decks::ball_on_floor(&ball, &start(&setup), G, setup.dt, n);
@@ -451,6 +487,7 @@ fn oblique() -> Problem {
         error: Box::new(move |n| {
             errors(0.5, &|phase| setup(n, phase).run(n, n).pop().expect("an end").bodies.remove(0))
         }),
+        foreseen: None,
         of_lammps: Some(Box::new(move |n| {
             errors(0.0, &|phase| {
                 let setup = setup(n, phase);
@@ -499,6 +536,7 @@ fn damped_flight() -> Problem {
                 ("rotation", off(&[(body.spin.norm() / 3.0, shrunk)])),
             ]
         }),
+        foreseen: None,
         of_lammps: None,
     }
 }
@@ -547,6 +585,7 @@ fn rocking() -> Problem {
                 ),
             ]
         }),
+        foreseen: None,
         of_lammps: None,
     }
 }
@@ -572,6 +611,7 @@ fn top(which: usize) -> Problem {
                 Top::error(&top.setup.run(n, n).pop().expect("an end").bodies[0], &row),
             )]
         }),
+        foreseen: None,
         of_lammps: Some(Box::new(move |n| {
             let (top, row) = all(n);
             let axes = Vec3::new(3.0, 2.0, 1.0);
