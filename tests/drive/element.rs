@@ -540,7 +540,7 @@ fn what_does_not_go_with_a_cell_is_refused() {
             "without `shear`",
         ),
         ("[domain]", "gravity = [0, 0, -9.81]\n[domain]", "must be 0 with a [cell]"),
-        ("max_rate = 1.0", "", "needs `max_rate`"),
+        ("max_rate = 1.0", "", "there is no `max_rate`"),
         (
             "max_rate = 1.0",
             "max_rate = 1.0\nisotropic = { stress = 1.0 }",

@@ -421,7 +421,7 @@ fn batches_follow_each_other() {
     (0..400).for_each(|_| sim.step(&mut comm).unwrap());
     let last = sim.drives[0].outcome(&[], false).warnings;
     assert!(
-        last.len() == 1 && last[0].contains("`second`: only 0 of 7 particles came"),
+        last.len() == 1 && last[0].contains("`second`: only 0 of 7 particles inserted"),
         "{last:?}"
     );
 }

@@ -72,7 +72,7 @@ fn a_mistake_ends_in_one_message() {
             scene: &heap_scene,
             arguments: &["--start", "nowhere.vtkhdf"],
             status: WRONG_INPUT,
-            message: &["there is no snapshot at nowhere.vtkhdf", "Give a file particles_<step>"],
+            message: &["no snapshot at nowhere.vtkhdf", "Give a file particles_<step>"],
         },
         Mistake {
             scene: &heap_scene,

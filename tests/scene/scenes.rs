@@ -695,7 +695,7 @@ fn a_stage_that_is_like_none_says_so() -> Result<()> {
     assert_eq!(mistakes(other.path(), "scene.toml", &[]), [said]);
     let nowhere = of("start = \"out/nowhere\"\nlike = \"start\"");
     let found = mistakes(nowhere.path(), "scene.toml", &[]);
-    assert!(found[0].contains("there is no snapshot at out/nowhere"), "{found:?}");
+    assert!(found[0].contains("no snapshot at out/nowhere"), "{found:?}");
 
     // A snapshot without a scene, and one whose scene has an error.
     let text =

@@ -771,7 +771,7 @@ fn wrong_sizes_are_said_with_their_place() {
         (
             row("1e-90"),
             "",
-            "is of scale 1e-90: its mass or moment of inertia leave the range of numbers",
+            "is of scale 1e-90: its mass or moment of inertia outside the range of numbers",
         ),
         (row("0.001"), "", "over the stable limit"),
         (row("1"), "size = 2\n", "shape.ball.size"),
@@ -783,7 +783,7 @@ fn wrong_sizes_are_said_with_their_place() {
             "has 1 items; must be a list of two: [smallest, largest]",
         ),
         (row("1"), "size = { gauss = [1, 2] }\n", "gauss"),
-        (row("1"), "size = { uniform = [1e-90, 1] }\n", "leave the range of numbers"),
+        (row("1"), "size = { uniform = [1e-90, 1] }\n", "outside the range of numbers"),
     ] {
         let told = parsed(&csv, shape).unwrap_err().to_string();
         assert!(told.contains(message), "{message}:\n{told}");

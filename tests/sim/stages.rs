@@ -72,8 +72,7 @@ fn a_shape_that_nobody_has_may_be_gone() {
     {
         saved(&scene(&text("", MATERIAL, &both, &fill)), 5, folder.path());
         let found = taken(&next, folder.path(), Continuation::NewStage).1;
-        let refused =
-            found.as_ref().err().is_some_and(|e| e.contains("particles of shape \"spacer\""));
+        let refused = found.as_ref().err().is_some_and(|e| e.contains("no shape \"spacer\""));
         assert_eq!(refused, is_there, "{found:?}");
     }
 }

@@ -388,7 +388,7 @@ fn a_wall_of_finite_mass_is_one_that_says_so() {
 fn a_plan_knows_walls_that_turn() {
     let page = plan(&drum(), 1);
     assert!(page.contains("moving walls    drum"), "{page}");
-    assert!(page.contains("motion          drum: turns with ["), "{page}");
+    assert!(page.contains("motion          drum: rotates at ["), "{page}");
     // Spheres without friction have no moments, but the wall has an angular velocity.
     let wall = "point = [0, 0, 0]\nnormal = [0, 0, 1]\nrotation = { about = [0, 0, 0], axis = [1, 0, 0], rate = 1 }";
     let needs = scene(&ball(0.0, 0.0, wall, 1e-5)).needs();

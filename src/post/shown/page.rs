@@ -122,7 +122,7 @@ fn head(out: &mut String, title: &str, report: &Report) {
         readable(report.summary.time_s)
     );
     for doubt in &report.doubts {
-        let _ = writeln!(out, "<p>Doubtful: {}.</p>", escaped(doubt));
+        let _ = writeln!(out, "<p>Warning: {}.</p>", escaped(doubt));
     }
     out.push_str("</header>\n");
 }
