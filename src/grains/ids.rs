@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A body's name for life. Particles count from 0; pieces of unions stand above all particles, in the order of their bodies, and
+/// A body's name for life. Particles count from 0, or have the ids of their file; pieces of unions stand above all particles, in the order of their bodies, and
 /// facets of walls above these, in the order of the walls, then of the facets of a wall, so that a facet is always the second body of
 /// a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

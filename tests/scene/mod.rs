@@ -1,5 +1,6 @@
 //! The user's file, read, checked and made a simulation.
 
+mod foreign;
 mod many;
 mod mutated;
 mod read;
