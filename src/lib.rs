@@ -21,7 +21,8 @@
 //! | 14 | [`output`] | what is written |
 //! | 15 | [`sim`] [`post`] | the step and the run; what is computed from a snapshot |
 //! | 16 | [`scene`] | the user's file, checked, and turned into a simulation |
-//! | 17 | [`guide`] | how to use it: pages to read |
+//! | 17 | [`sweep`] | many runs of one scene |
+//! | 18 | [`guide`] | how to use it: pages to read |
 //!
 //! They stand in three libraries. `dem-law` (`src/law`) is [`law`], which takes longest to compile. `dem-grains` (`src/grains`) has the other rows up
 //! to [`search`] but [`arguments`] and [`comm`], and needs neither MPI nor HDF5. This one has the rest, and the modules of both as its own.
@@ -64,5 +65,7 @@ pub mod post;
 pub mod sim;
 
 pub mod scene;
+
+pub mod sweep;
 
 pub mod guide;

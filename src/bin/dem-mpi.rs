@@ -14,6 +14,7 @@ use dem_mpi::scene::{Fill, Scene, Stop, keys, plan, schema};
 use dem_mpi::sim::report::{machine_bytes, report};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
+use dem_mpi::sweep::Sweep;
 use dem_mpi::text::{MOST_NAMED, listed, print_error, printable};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
@@ -31,6 +32,9 @@ use std::time::{Duration, Instant};
     version = version(),
     // Under mpirun standard output looks like a terminal even where it ends in a file.
     color = clap::ColorChoice::Never,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    disable_help_subcommand = true,
     after_help = "\
 Examples:
   dem-mpi run/packing/scene.toml                     one rank, to try or to debug
@@ -41,6 +45,8 @@ Examples:
                                                      #:schema ./scene.schema.json
   dem-mpi run/jacks/fill.toml --shape jack           volume, centre, inertia and pieces of a shape
   dem-mpi run/first/scene.toml --suggest --error 1%  which step and method keep an error
+  dem-mpi sweep run/first/scene.toml --vary material.glass.friction=0.1,0.3,0.5 --vary seed=1..3 --measure coordination,top_m
+                                                     all nine runs, and one table of what came out
   dem-mpi run/packing/scene.toml --set contact.method=epa --set material.grain.friction=0.5
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing/last.vtkhdf
                                                      go on where a run stopped, on any number of ranks
@@ -59,6 +65,8 @@ or --suggest has found no step that keeps the error."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 struct Arguments {
+    #[command(subcommand)]
+    many: Option<Many>,
     /// The scene: what to simulate, a TOML file
     #[arg(required = true)]
     scene: Option<PathBuf>,
@@ -130,6 +138,12 @@ struct Arguments {
     verbose: bool,
 }
 
+/// What is more than one run.
+#[derive(clap::Subcommand, Debug)]
+enum Many {
+    Sweep(Sweep),
+}
+
 impl Arguments {
     /// The scene's file; there is none with the options that only print.
     fn scene(&self) -> &Path {
@@ -177,6 +191,9 @@ fn main() -> ExitCode {
         return ExitCode::from(FAILED);
     }
     let arguments = Arguments::try_parse();
+    if let Ok(Arguments { many: Some(Many::Sweep(sweep)), .. }) = &arguments {
+        return ExitCode::from(swept(sweep));
+    }
     if !world::launched()
         && let Ok(given @ Arguments { threads: Some(ranks), .. }) = &arguments
     {
@@ -185,6 +202,22 @@ fn main() -> ExitCode {
     let mut comm: Box<dyn Comm> =
         if world::launched() { Box::new(world::World::new()) } else { Box::<Alone>::default() };
     ExitCode::from(on_this_rank(arguments, &mut *comm))
+}
+
+/// Runs a scene many times, in processes of their own.
+fn swept(sweep: &Sweep) -> u8 {
+    if world::launched() {
+        if linked::speaks() {
+            print_error(
+                "a sweep starts mpirun itself: leave it out, and give the ranks of each run by --ranks N",
+            );
+        }
+        return WRONG_INPUT;
+    }
+    sweep.run(&stop_signals()).unwrap_or_else(|error| {
+        print_error(error);
+        WRONG_INPUT
+    })
 }
 
 /// Will hold the number of the signal that asks the run to stop. A second Ctrl-C does not wait for the step. Before this is asked for, signals

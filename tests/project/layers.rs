@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules by row, as `src/lib.rs` explains them.
-const ROWS: [&[&str]; 17] = [
+const ROWS: [&[&str]; 18] = [
     &["ids", "math", "lanes", "timing", "files"],
     &["text", "random"],
     &["arguments"],
@@ -22,6 +22,7 @@ const ROWS: [&[&str]; 17] = [
     &["output"],
     &["sim", "post"],
     &["scene"],
+    &["sweep"],
     &["guide"],
 ];
 

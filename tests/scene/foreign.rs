@@ -375,7 +375,10 @@ fn files_that_cannot_be_read() {
             data("0.2 0.1 0.05", "0.2 0.2 0.05"),
             "line 13, lengths 0.2, 0.2, 0.05 m are not in the proportion of shape egg, 0.2, 0.1, 0.05 m",
         ),
-        (data("2 2 1 2500", "1 2 1 2500"), "column id: particle 1 stands in line 13, too"),
+        (
+            table("x,y,z,shape,id\n0,0,0,bead,3\n0,0,0.5,bead,3\n"),
+            "line 3, column id: particle 3 stands in line 2, too",
+        ),
         (
             data("2 2 1 2500", "2 4 1 2500"),
             "line 14, column type: which shape has type 4? `types` says so, as in { \"4\" = \"bead\" }",
