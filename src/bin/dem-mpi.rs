@@ -32,9 +32,6 @@ use std::time::{Duration, Instant};
     version = version(),
     // Under mpirun standard output looks like a terminal even where it ends in a file.
     color = clap::ColorChoice::Never,
-    args_conflicts_with_subcommands = true,
-    subcommand_negates_reqs = true,
-    disable_help_subcommand = true,
     after_help = "\
 Examples:
   dem-mpi run/packing/scene.toml                     one rank, to try or to debug
@@ -46,7 +43,7 @@ Examples:
   dem-mpi run/jacks/fill.toml --shape jack           volume, centre, inertia and pieces of a shape
   dem-mpi run/first/scene.toml --suggest --error 1%  which step and method keep an error
   dem-mpi sweep run/first/scene.toml --vary material.glass.friction=0.1,0.3,0.5 --vary seed=1..3 --measure coordination,top_m
-                                                     all nine runs, and one table of what came out
+                                                     all nine runs, and one table of what came out: `dem-mpi sweep --help`
   dem-mpi run/packing/scene.toml --set contact.method=epa --set material.grain.friction=0.5
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing/last.vtkhdf
                                                      go on where a run stopped, on any number of ranks
@@ -65,8 +62,6 @@ or --suggest has found no step that keeps the error."
 )]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 struct Arguments {
-    #[command(subcommand)]
-    many: Option<Many>,
     /// The scene: what to simulate, a TOML file
     #[arg(required = true)]
     scene: Option<PathBuf>,
@@ -138,12 +133,6 @@ struct Arguments {
     verbose: bool,
 }
 
-/// What is more than one run.
-#[derive(clap::Subcommand, Debug)]
-enum Many {
-    Sweep(Sweep),
-}
-
 impl Arguments {
     /// The scene's file; there is none with the options that only print.
     fn scene(&self) -> &Path {
@@ -190,10 +179,10 @@ fn main() -> ExitCode {
         }
         return ExitCode::from(FAILED);
     }
-    let arguments = Arguments::try_parse();
-    if let Ok(Arguments { many: Some(Many::Sweep(sweep)), .. }) = &arguments {
-        return ExitCode::from(swept(sweep));
+    if std::env::args_os().nth(1).is_some_and(|word| word == "sweep") {
+        return ExitCode::from(swept(Sweep::try_parse_from(std::env::args_os().skip(1))));
     }
+    let arguments = Arguments::try_parse();
     if !world::launched()
         && let Ok(given @ Arguments { threads: Some(ranks), .. }) = &arguments
     {
@@ -205,7 +194,7 @@ fn main() -> ExitCode {
 }
 
 /// Runs a scene many times, in processes of their own.
-fn swept(sweep: &Sweep) -> u8 {
+fn swept(sweep: Result<Sweep, clap::Error>) -> u8 {
     if world::launched() {
         if linked::speaks() {
             print_error(
@@ -214,10 +203,13 @@ fn swept(sweep: &Sweep) -> u8 {
         }
         return WRONG_INPUT;
     }
-    sweep.run(&stop_signals()).unwrap_or_else(|error| {
-        print_error(error);
-        WRONG_INPUT
-    })
+    match sweep {
+        Err(error) => arguments::ended_by(&error),
+        Ok(sweep) => sweep.run(&stop_signals()).unwrap_or_else(|error| {
+            print_error(error);
+            WRONG_INPUT
+        }),
+    }
 }
 
 /// Will hold the number of the signal that asks the run to stop. A second Ctrl-C does not wait for the step. Before this is asked for, signals
@@ -319,7 +311,7 @@ fn printed(arguments: &Arguments) -> Option<Result<String, String>> {
     if arguments.schema {
         return Some(Ok(format!("{:#}\n", schema::schema())));
     }
-    arguments.about.text(Arguments::command()).map(Ok)
+    arguments.about.text(Arguments::command().subcommand(Sweep::command())).map(Ok)
 }
 
 /// Prints what was asked for, on rank 0, and returns the status to end with: `status`, unless it cannot be printed.

@@ -11,7 +11,7 @@
 //! | [`choose`] | time step, contact method, stiffness: what the studies found |
 //! | [`parallel`] | ranks, clusters, restarts, and how to look for a fault |
 //! | [`outputs`] | the files of a run, in ParaView, Python and OVITO |
-//! | [`from_others`] | commands of LAMMPS, LIGGGHTS, Yade and MercuryDPM beside ours |
+//! | [`from_others`] | files and commands of LAMMPS, LIGGGHTS, Yade and MercuryDPM beside ours |
 //! | [`extend`] | a law, a shape, a wall, a column of one's own |
 //! | [`changes`] | what changed |
 //!

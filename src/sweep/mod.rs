@@ -12,10 +12,11 @@ mod varied;
 
 use crate::comm::alone::Alone;
 use crate::files;
+use crate::output::report::version;
 use crate::output::{self, snapshot};
 use crate::scene::{Scene, assemble};
 use crate::text::{MOST_NAMED, listed, print_error};
-use clap::Args;
+use clap::Parser;
 pub use results::FIGURES;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
@@ -30,6 +31,8 @@ pub use varied::{Combination, Varied, combinations};
 
 /// Combinations whose mistakes are shown, the others counted.
 const SHOWN: usize = 3;
+/// So many lines of what a failed run printed are shown.
+const WORDS: usize = 4;
 /// Between looks at the runs.
 const POLL: Duration = Duration::from_millis(20);
 /// Statuses with which a run ends, as `dem-mpi --help` has them.
@@ -41,7 +44,8 @@ const UNMET: i32 = 4;
 ///
 /// A sweep that was interrupted goes on when it is called again: runs that are done stay, others go on from their newest
 /// snapshot.
-#[derive(Args, Clone, Debug)]
+#[derive(Parser, Clone, Debug)]
+#[command(name = "sweep", bin_name = "dem-mpi sweep", display_name = "dem-mpi sweep", version = version(), color = clap::ColorChoice::Never)]
 pub struct Sweep {
     /// The scene: what to simulate, a TOML file
     scene: PathBuf,
@@ -248,11 +252,12 @@ impl Job {
         entries.into_iter().any(|entry| snapshot::step_of(&entry.path()).is_some())
     }
 
-    /// The last line that the run has printed.
+    /// The last lines that the run has printed.
     fn last_words(&self) -> String {
         let text = fs::read(self.folder.join("log.txt")).unwrap_or_default();
-        let text = String::from_utf8_lossy(&text).into_owned();
-        text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or_default().trim().to_owned()
+        let text = String::from_utf8_lossy(&text);
+        let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
+        lines[lines.len().saturating_sub(WORDS)..].join("\n  ")
     }
 }
 
@@ -304,6 +309,7 @@ impl Running<'_> {
 
     /// Begins a run, or goes on with it.
     fn start(&self, job: usize) -> io::Result<Child> {
+        self.jobs[job].state.status = Status::Open;
         let Job { folder, text, overrides, .. } = &self.jobs[job];
         fs::create_dir_all(folder)?;
         files::replace(&folder.join("scene.toml"), |file| file.write_all(text.as_bytes()))?;
@@ -332,7 +338,12 @@ impl Running<'_> {
         command.env("PRTE_MCA_hwloc_default_binding_policy", "none");
         // Ctrl-C in a terminal is for the sweep, which tells its runs.
         command.process_group(0);
-        command.stdin(Stdio::null()).stdout(log.try_clone()?).stderr(log).spawn()
+        command.stdin(Stdio::null()).stdout(log.try_clone()?).stderr(log);
+        let started = command.spawn();
+        started.map_err(|error| {
+            let program = command.get_program().display();
+            io::Error::other(format!("{program} cannot be started: {error}"))
+        })
     }
 
     /// Asks all runs to write a snapshot and end. mpirun passes this signal on.
@@ -375,7 +386,7 @@ impl Running<'_> {
                 ));
             } else {
                 print_error(format_args!(
-                    "{name} {} ({ended}): {}",
+                    "{name} {} ({ended}):\n  {}",
                     status.name(),
                     one.last_words()
                 ));

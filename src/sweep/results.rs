@@ -56,7 +56,7 @@ pub(super) struct Row<'a> {
     pub(super) folder: &'a str,
     pub(super) status: &'a str,
     pub(super) wall_s: f64,
-    /// In the order of the names.
+    /// In the order of the names; empty if the run is not done.
     pub(super) measured: &'a [Option<f64>],
 }
 
@@ -91,12 +91,14 @@ pub(super) fn write_table(
 ) -> io::Result<()> {
     let mut table = csv::Writer::from_writer(Vec::new());
     let keys = varied.iter().map(|varied| &*varied.key);
-    let names = names.iter().map(String::as_str);
-    table.write_record(keys.chain(["folder", "status", "wall_s"]).chain(names))?;
+    let of_names = names.iter().map(String::as_str);
+    table.write_record(keys.chain(["folder", "status", "wall_s"]).chain(of_names))?;
     for row in rows {
         let wall = format!("{:.3}", row.wall_s);
-        let number = |number: &Option<f64>| number.map_or_else(String::new, |x| format!("{x:?}"));
-        let measured: Vec<String> = row.measured.iter().map(number).collect();
+        // Of a run that is not done there are none.
+        let number = |k: usize| row.measured.get(k).copied().flatten();
+        let cell = |k: usize| number(k).map_or_else(String::new, |x| format!("{x:?}"));
+        let measured: Vec<String> = (0..names.len()).map(cell).collect();
         let known = row.values.iter().map(String::as_str).chain([row.folder, row.status, &wall]);
         table.write_record(known.chain(measured.iter().map(String::as_str)))?;
     }

@@ -129,7 +129,7 @@ pub fn combinations(all: &[Varied]) -> Result<Vec<Combination>, String> {
             let key = if is_short { varied.short() } else { &varied.key };
             format!("{key}={}", plain(value))
         });
-        let mut name = plain(&parts.collect::<Vec<_>>().join(","));
+        let mut name = plain(&parts.collect::<Vec<_>>().join("_"));
         if name.len() > LONGEST_NAME || !names.insert(name.clone()) {
             name.truncate(LONGEST_NAME);
             name = format!("{name}-{number}");

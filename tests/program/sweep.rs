@@ -2,6 +2,7 @@
 
 use super::process::{Call, Launch, dem_mpi, signal};
 use super::{fresh_directory, written};
+use dem_mpi::sweep::FIGURES;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -61,6 +62,13 @@ fn all_combinations_run_and_their_table_is_exact() {
     falling(&directory, "");
     let ended = sweep(&directory, &[&TWO_BY_TWO[..], &["--jobs", "2"]].concat()).succeed();
     ended.said_once("4 of 4: ");
+    // All figures that can be measured are in a report.
+    let report = fs::read_to_string(directory.join("swept/gravity=0,0,-9.81_seed=1/report.json"));
+    let report: serde_json::Value = serde_json::from_str(&report.unwrap()).unwrap();
+    for name in FIGURES {
+        let figure = report.pointer(&format!("/{}", name.replace('.', "/")));
+        assert!(figure.is_some_and(|figure| figure.is_number() || figure.is_null()), "{name}");
+    }
     let rows = table(&directory);
     let text = fs::read_to_string(directory.join("swept/sweep.csv")).unwrap();
     assert!(

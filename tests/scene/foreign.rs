@@ -408,7 +408,10 @@ fn files_that_cannot_be_read() {
         (dump("c_q[4]", "c_q4"), "`columns` names `c_q[4]`, which the file has not"),
         (dump("vz ang", "VZ ang"), "column vz is missing"),
         (dump("type x y z", "type x y y"), "there are two columns `y`"),
-        (dump("ITEM: TIMESTEP", "ITEM: TIME STEP"), "line"),
+        (
+            dump("ITEM: TIMESTEP", "ITEM: TIME STEP"),
+            "the dump has no `ITEM: TIMESTEP`; is it a text",
+        ),
         (
             dump("2 2 0.5", "2.5 2 0.5"),
             "line 10, column id: `2.5` is not a whole number, 0 or greater",
