@@ -308,7 +308,7 @@ impl Running<'_> {
     }
 
     /// Begins a run, or goes on with it.
-    fn start(&self, job: usize) -> io::Result<Child> {
+    fn start(&mut self, job: usize) -> io::Result<Child> {
         self.jobs[job].state.status = Status::Open;
         let Job { folder, text, overrides, .. } = &self.jobs[job];
         fs::create_dir_all(folder)?;

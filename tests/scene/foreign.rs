@@ -329,19 +329,19 @@ fn ids_of_a_file_are_kept() {
     );
 }
 
-/// Each message has the line, the cause and the cure.
+/// The file is refused with these words, which have the line, the cause and the cure.
+fn refused((name, text, keys): (&str, String, String), said: &str) {
+    let errors = with_file(name, &text, &keys).expect_err(said);
+    assert!(errors.contains(said) && errors.contains("fill.file.0"), "{said}: {errors}");
+    assert!(errors.lines().count() < 8, "{errors}");
+}
+
 #[test]
-fn files_that_cannot_be_read() {
+fn data_files_that_cannot_be_read() {
     let data = |from: &str, to: &str| {
         ("a.data", ELLIPSOIDS.replacen(from, to, 1), EGG_AND_BEAD.to_owned())
     };
-    let keys = format!("{EGG_AND_BEAD}{NAMED}");
-    let plain = frame(100, "x y z", ["0.1 0.2 0.3", "0.5 0.2 0.3"]);
-    let dump = |from: &str, to: &str| ("a.dump", plain.replacen(from, to, 1), keys.clone());
-    let table = |text: &str| ("a.csv", text.to_owned(), String::new());
-    let lines = |text: &str| ("a.txt", text.to_owned(), String::new());
-    let rod = "[[shape]]\nname = \"rod\"\nkind = \"spherocylinder\"\nlength = 0.1\nradius = 0.01\n";
-    for ((name, text, keys), said) in [
+    for (file, said) in [
         (
             data("-1 1 zlo zhi", "-1 1 zlo zhi\n0.1 0 0 xy xz yz"),
             "line 10: the box is tilted, and the domain of a scene is not: write it after",
@@ -376,10 +376,6 @@ fn files_that_cannot_be_read() {
             "line 13, lengths 0.2, 0.2, 0.05 m are not in the proportion of shape egg, 0.2, 0.1, 0.05 m",
         ),
         (
-            table("x,y,z,shape,id\n0,0,0,bead,3\n0,0,0.5,bead,3\n"),
-            "line 3, column id: particle 3 stands in line 2, too",
-        ),
-        (
             data("2 2 1 2500", "2 4 1 2500"),
             "line 14, column type: which shape has type 4? `types` says so, as in { \"4\" = \"bead\" }",
         ),
@@ -387,6 +383,17 @@ fn files_that_cannot_be_read() {
             data("Ellipsoids\n", "Ellipsoids\n\nBodies\n"),
             "particles of section Bodies are not read: spheres and ellipsoids are",
         ),
+    ] {
+        refused(file, said);
+    }
+}
+
+#[test]
+fn dumps_that_cannot_be_read() {
+    let keys = format!("{EGG_AND_BEAD}{NAMED}");
+    let plain = frame(100, "x y z", ["0.1 0.2 0.3", "0.5 0.2 0.3"]);
+    let dump = |from: &str, to: &str| ("a.dump", plain.replacen(from, to, 1), keys.clone());
+    for (file, said) in [
         (
             dump("ff ff\n-1.0000000000000000e+00 1", "ff ff\n1.0000000000000000e+00 1"),
             "line 6: `1.0000000000000000e+00 1.0000000000000000e+00` is not `low high` of the box",
@@ -421,6 +428,21 @@ fn files_that_cannot_be_read() {
             ("a.dump", plain.clone(), keys.replace("egg", "eggs")),
             "types.1 = \"eggs\": no such shape, did you mean `egg`?",
         ),
+    ] {
+        refused(file, said);
+    }
+}
+
+#[test]
+fn tables_that_cannot_be_read() {
+    let table = |text: &str| ("a.csv", text.to_owned(), String::new());
+    let lines = |text: &str| ("a.txt", text.to_owned(), String::new());
+    let rod = "[[shape]]\nname = \"rod\"\nkind = \"spherocylinder\"\nlength = 0.1\nradius = 0.01\n";
+    for (file, said) in [
+        (
+            table("x,y,z,shape,id\n0,0,0,bead,3\n0,0,0.5,bead,3\n"),
+            "line 3, column id: particle 3 stands in line 2, too",
+        ),
         (
             ("a.csv", "x,y,z\n".to_owned(), "frame = 1\n".to_owned()),
             "`frame` is of dumps of LAMMPS, and this file is none",
@@ -447,8 +469,6 @@ fn files_that_cannot_be_read() {
             "shape rod is a spherocylinder, whose `radius` is that of its edges",
         ),
     ] {
-        let errors = with_file(name, &text, &keys).expect_err(said);
-        assert!(errors.contains(said) && errors.contains("fill.file.0"), "{said}: {errors}");
-        assert!(errors.lines().count() < 8, "{errors}");
+        refused(file, said);
     }
 }
