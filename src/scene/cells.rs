@@ -36,7 +36,7 @@ pub(super) struct Bounds {
 
 /// The text of a table.
 pub(super) fn text(path: &Path) -> Result<String, Vec<String>> {
-    text::read(path).map_err(|error| vec![format!("{} {error}", path.display())])
+    text::read(path).map_err(|error| vec![format!("{} {error}", shown(path.display()))])
 }
 
 /// Cells separated by commas, with comments, below a line of names if it `has_names`.

@@ -242,6 +242,23 @@ fn lines_of_places_and_radii() {
         let found: Vec<_> = rows(&scene).iter().map(|row| (row.position, row.scale)).collect();
         assert_eq!(found, expected, "{text}");
     }
+    // The size of the shape itself counts for nothing where all its particles are listed.
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.txt"), "0.1 0.2 0.3 0.005\n-0.1 0.2 0.3 0.02\n").unwrap();
+    let sized = |radius: &str, keys: &str| {
+        let (before, _) = REST.split_once("[[shape]]\nname = \"egg\"").unwrap();
+        let (_, after) = REST.split_once("[time]\nstep = 1e-6").unwrap();
+        let before = before.replace("radius = 0.01", &format!("radius = {radius}"));
+        let text = format!(
+            "{before}[time]\nstep = \"auto\"{after}[[fill.file]]\npath = \"a.txt\"\n{keys}"
+        );
+        Scene::parse(&text, "scene.toml", folder.path(), &[]).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let (large, small) = (sized("1", ""), sized("0.005", ""));
+    close(large.dt, small.dt, 1e-14, "step");
+    close(large.skin, small.skin, 1e-14, "skin");
+    let lattice = "[[fill.lattice]]\nfirst = [0, 0, -0.5]\ncount = [1, 1, 1]\n";
+    assert!(sized("0.001", lattice).dt < 0.5 * small.dt);
     // The radius of another shape is that of the sphere of its volume.
     let text = "#format x_y_z_r_matId\n0.1 0.2 0.3 0.1 0\n-0.3 0.2 0.3 0.01 1\n";
     let scene = scene("a.txt", text, "types = { 0 = \"egg\", 1 = \"bead\" }\n");
