@@ -42,7 +42,7 @@ Examples:
                                                      #:schema ./scene.schema.json
   dem-mpi run/jacks/fill.toml --shape jack           volume, centre, inertia and pieces of a shape
   dem-mpi run/first/scene.toml --suggest --error 1%  which step and method keep an error
-  dem-mpi sweep run/first/scene.toml --vary material.glass.friction=0.1,0.3,0.5 --vary seed=1..3 --measure coordination,top_m
+  dem-mpi sweep run/packing/scene.toml --vary material.grain.friction=0.1,0.3,0.5 --vary seed=1..3 --measure coordination
                                                      all nine runs, and one table of what came out: `dem-mpi sweep --help`
   dem-mpi run/packing/scene.toml --set contact.method=epa --set material.grain.friction=0.5
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing/last.vtkhdf
