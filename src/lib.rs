@@ -21,6 +21,7 @@
 //! | 14 | [`output`] | output files |
 //! | 15 | [`sim`] [`post`] | the step and the run; analysis of snapshots |
 //! | 16 | [`scene`] | the user's file, checked and turned into a simulation |
+//! | 17 | [`sweep`] | many runs of one scene |
 //!
 //! Pages for users are a book in `src/guide`, which `run/book` makes.
 //!
@@ -66,6 +67,8 @@ pub mod post;
 pub mod sim;
 
 pub mod scene;
+
+pub mod sweep;
 
 // The programs in the guide are tested.
 #[cfg(doctest)]

@@ -14,6 +14,7 @@ use dem_mpi::scene::{Fill, Scene, Stop, keys, plan, schema};
 use dem_mpi::sim::report::{machine_bytes, report};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
+use dem_mpi::sweep::Sweep;
 use dem_mpi::text::{MOST_NAMED, listed, print_error, printable};
 use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
@@ -41,6 +42,8 @@ Examples:
                                                      #:schema ./scene.schema.json
   dem-mpi run/jacks/fill.toml --shape jack           volume, centre, inertia and pieces of a shape
   dem-mpi run/first/scene.toml --suggest --error 1%  which step and method keep an error
+  dem-mpi sweep run/packing/scene.toml --vary material.grain.friction=0.1,0.3,0.5 --vary seed=1..3 --measure coordination
+                                                     all nine runs, and one table of what came out: `dem-mpi sweep --help`
   dem-mpi run/packing/scene.toml --set contact.method=epa --set material.grain.friction=0.5
   mpirun -n 4 dem-mpi run/packing/scene.toml --start out/packing/last.vtkhdf
                                                      go on where a run stopped, on any number of ranks
@@ -178,6 +181,9 @@ fn main() -> ExitCode {
         }
         return ExitCode::from(FAILED);
     }
+    if std::env::args_os().nth(1).is_some_and(|word| word == "sweep") {
+        return ExitCode::from(swept(Sweep::try_parse_from(std::env::args_os().skip(1))));
+    }
     let arguments = Arguments::try_parse();
     if !world::launched()
         && let Ok(given @ Arguments { threads: Some(ranks), .. }) = &arguments
@@ -187,6 +193,25 @@ fn main() -> ExitCode {
     let mut comm: Box<dyn Comm> =
         if world::launched() { Box::new(world::World::new()) } else { Box::<Alone>::default() };
     ExitCode::from(on_this_rank(arguments, &mut *comm))
+}
+
+/// Runs a scene many times, in processes of their own.
+fn swept(sweep: Result<Sweep, clap::Error>) -> u8 {
+    if world::launched() {
+        if linked::speaks() {
+            print_error(
+                "a sweep starts mpirun itself: leave it out, and give the ranks of each run by --ranks N",
+            );
+        }
+        return WRONG_INPUT;
+    }
+    match sweep {
+        Err(error) => arguments::ended_by(&error),
+        Ok(sweep) => sweep.run(&stop_signals()).unwrap_or_else(|error| {
+            print_error(error);
+            WRONG_INPUT
+        }),
+    }
 }
 
 /// Holds the number of the signal that asks the run to stop. A second Ctrl-C does not wait for the step. Before the first
@@ -288,7 +313,7 @@ fn printed(arguments: &Arguments) -> Option<Result<String, String>> {
     if arguments.schema {
         return Some(Ok(format!("{:#}\n", schema::schema())));
     }
-    arguments.about.text(Arguments::command()).map(Ok)
+    arguments.about.text(Arguments::command().subcommand(Sweep::command())).map(Ok)
 }
 
 /// Prints a text on rank 0, and returns the exit status: `status`, unless it cannot be printed.

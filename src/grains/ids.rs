@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Id of a body for its life.
 ///
-/// Particles count from 0. Pieces of unions have higher ids than all particles, in the order of their bodies. Facets of walls have higher ids
+/// Particles count from 0, or have the ids of their file. Pieces of unions have higher ids than all particles, in the order of their bodies. Facets of walls have higher ids
 /// than these, in the order of the walls, then of the facets of a wall. A facet is thus always the second body of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct GlobalId(pub u64);

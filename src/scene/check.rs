@@ -17,7 +17,7 @@ use super::parts::{Need, Whole};
 use super::reader::{Given, Section};
 use super::room::Room;
 use super::walls::Walls;
-use super::{Control, Fill, FreeWall, Inlet, Method, Outlet, Rain, Scene, Servo, Stop};
+use super::{Control, Fill, FreeWall, Inlet, Method, Mix, Outlet, Rain, Scene, Servo, Stop};
 use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
@@ -218,11 +218,34 @@ impl Grains {
         let rain = fills.as_ref().and_then(|(_, rain)| rain.as_ref());
         let rain = rain.map(|rain| (rain, &shapes.library));
         flows::check_apart(root, (inlets.as_ref(), rain), outlets.as_ref(), domain);
-        for row in fills.iter().flat_map(|(initial, _)| initial).flat_map(Fill::listed) {
-            shapes.library.admit(row.shape, row.scale);
-        }
+        admit_listed(&mut shapes.library, fills.as_ref(), inlets.as_deref().unwrap_or_default());
         limit_numbers(&mut shapes.library, fills.as_ref(), inlets.as_deref());
         Self { fills, inlets, outlets }
+    }
+}
+
+/// Adds the sizes of listed particles to the library. A shape without `size` that only these have has no other sizes.
+fn admit_listed(
+    library: &mut Library,
+    fills: Option<&(Vec<Fill>, Option<Rain>)>,
+    inlets: &[Inlet],
+) {
+    let Some((initial, rain)) = fills else { return };
+    let of_lattices = initial.iter().filter_map(|fill| match fill {
+        Fill::Lattice(lattice) => Some(&lattice.mix),
+        Fill::Listed(_) => None,
+    });
+    let others = rain.iter().map(|rain| &rain.mix).chain(inlets.iter().map(|inlet| &inlet.mix));
+    let by_law = library.sizes.iter().map(|sizes| sizes.distribution().is_some());
+    let mut has_sizes: Vec<bool> = by_law.collect();
+    for shape in of_lattices.chain(others).flat_map(Mix::shapes) {
+        has_sizes[shape.index()] = true;
+    }
+    for row in initial.iter().flat_map(Fill::listed) {
+        if !std::mem::replace(&mut has_sizes[row.shape.index()], true) {
+            library.scales[row.shape.index()] = [row.scale; 2];
+        }
+        library.admit(row.shape, row.scale);
     }
 }
 

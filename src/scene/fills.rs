@@ -1,5 +1,6 @@
 //! Initial particles and rain, from the parsed file to [`Fill`] and [`Rain`].
 
+use super::listed::{Format, Source};
 use super::matter::Shapes;
 use super::orientations::orientations;
 use super::reader::{Given, Section};
@@ -51,7 +52,7 @@ impl Fills<'_> {
         let mut initial: Vec<Option<Fill>> =
             fill.sections("lattice").iter().map(|s| self.lattice(s).map(Fill::Lattice)).collect();
         for section in fill.sections("file") {
-            let first_id = initial.iter().flatten().map(Fill::count).sum();
+            let first_id = initial.iter().flatten().fold(0, |first, fill| fill.end(first));
             initial.push(self.file(&section, first_id));
         }
         for section in fill.sections("random") {
@@ -292,11 +293,7 @@ impl Fills<'_> {
     fn file(&self, section: &Section, first_id: u64) -> Option<Fill> {
         let rows = section.require("path").and_then(|given| {
             let path = self.folder.join(given.text()?);
-            let names: Vec<&str> = self.shapes.names.all.iter().map(String::as_str).collect();
-            if names.is_empty() {
-                // Missing shapes have been reported.
-                return None;
-            }
+            let source = self.source(section, first_id)?;
             let wrong = |row: &Listed| {
                 let library = &self.shapes.library;
                 if self.shapes.complete && !library.has_mass_at(row.shape, row.scale) {
@@ -310,8 +307,13 @@ impl Fills<'_> {
                     domain.beyond(&row.position, &row.position)?;
                 Some(format!("outside the domain along {axis}: {low:?} to {high:?} m"))
             };
-            match listed::read(&path, &names, first_id, &wrong) {
-                Ok(rows) => Some(rows),
+            match source.read(&path, &wrong) {
+                Ok((rows, doubts)) => {
+                    for doubt in doubts {
+                        given.warn(doubt);
+                    }
+                    Some(rows)
+                }
                 Err(mistakes) => {
                     for mistake in &mistakes {
                         given.fail(mistake);
@@ -323,24 +325,62 @@ impl Fills<'_> {
         rows.map(Fill::Listed)
     }
 
+    /// Settings of a file of particles.
+    fn source<'a>(&'a self, section: &Section<'a>, first_id: u64) -> Option<Source<'a>> {
+        let Shapes { names, library, complete } = self.shapes;
+        let words = [
+            ("csv", Format::Commas),
+            ("text", Format::Blanks),
+            ("lammps-data", Format::LammpsData),
+            ("lammps-dump", Format::LammpsDump),
+        ];
+        let format = section.optional("format", |given| given.one_of(&words));
+        let frame = section.optional("frame", Given::whole);
+        let entries = |key| section.get(key).and_then(|given| given.entries()).unwrap_or_default();
+        let types = entries("types").into_iter().map(|(kind, shape)| {
+            let name = shape.text()?;
+            Some((kind, names.find(&shape, name)?))
+        });
+        let types: Option<_> = types.collect();
+        let columns = entries("columns").into_iter().map(|(of_file, own)| {
+            let name = own.text()?;
+            if !listed::is_column(name) {
+                own.fail(format!("no such column{}", listed::like(name)));
+                return None;
+            }
+            Some((of_file, name))
+        });
+        let columns: Option<_> = columns.collect();
+        let shapes: Vec<&str> = names.all.iter().map(String::as_str).collect();
+        // Missing shapes have been reported.
+        (!shapes.is_empty()).then_some(Source {
+            format: format?,
+            frame: frame?,
+            types: types?,
+            columns: columns?,
+            shapes,
+            library: complete.then_some(library),
+            first_id,
+        })
+    }
+
     /// Error for listed particles with more overlaps than can be checked pair by pair, for example by a wrong unit. Their
     /// places are sorted into cells so small that two particles of like size in one cell overlap too deeply.
     fn crowd(&self, initial: &[Option<Fill>]) -> Option<String> {
         let shapes = Some(&self.shapes.library.shapes).filter(|_| self.shapes.complete)?;
         let mut first_in: HashMap<(i32, [u64; 3]), u64> = HashMap::new();
-        let (mut id, mut crowded, mut example) = (0, 0, None);
+        let (mut crowded, mut example) = (0, None);
         for fill in initial.iter().flatten() {
-            for (row, id) in fill.listed().iter().zip(id..) {
+            for row in fill.listed() {
                 let radius = shapes[row.shape.index()].inscribed_radius() * row.scale;
                 let class = libm::log2(radius).floor();
                 let side = (1.0 - DEEPEST_START) * 2.0 * libm::exp2(class) / 3f64.sqrt();
                 let cell = (row.position / side).map(|place| (place.floor() + 0.0).to_bits());
-                if let Some(first) = first_in.insert((class as i32, cell.into()), id) {
+                if let Some(first) = first_in.insert((class as i32, cell.into()), row.id) {
                     crowded += 1;
-                    example = example.or(Some((first, id, row.position)));
+                    example = example.or(Some((first, row.id, row.position)));
                 }
             }
-            id += fill.count();
         }
         let (first, second, place) = example.filter(|_| crowded > MOST_CROWDED)?;
         Some(format!(

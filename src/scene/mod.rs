@@ -18,6 +18,7 @@
 pub mod assemble;
 mod bed;
 mod before;
+mod cells;
 mod check;
 pub mod doubts;
 mod element;
@@ -30,6 +31,7 @@ mod input;
 mod jumps;
 pub mod keys;
 mod kind;
+mod lammps;
 mod laws;
 mod listed;
 mod matter;
@@ -361,7 +363,7 @@ impl Scene {
 pub enum Fill {
     /// On a simple cubic lattice.
     Lattice(Lattice),
-    /// Individually, from a CSV file.
+    /// Individually, as a file lists them, in the order of their ids.
     Listed(Vec<Listed>),
 }
 
@@ -371,6 +373,14 @@ impl Fill {
         match self {
             Self::Lattice(lattice) => lattice.count.iter().map(|&n| u64::from(n)).product(),
             Self::Listed(list) => list.len() as u64,
+        }
+    }
+
+    /// Id after the last particle; the first one of a lattice is `first`.
+    fn end(&self, first: u64) -> u64 {
+        match self {
+            Self::Lattice(_) => first + self.count(),
+            Self::Listed(list) => list.last().map_or(first, |row| row.id + 1),
         }
     }
 
@@ -402,9 +412,11 @@ pub struct Lattice {
     pub velocity: Vec3,
 }
 
-/// A particle of a CSV file.
+/// A particle of a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Listed {
+    /// That of the file, or the number of the particle.
+    pub id: u64,
     /// Shape.
     pub shape: ShapeId,
     /// Lengths over those of the shape [-].

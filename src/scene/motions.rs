@@ -1,6 +1,6 @@
 //! Motions of walls and groups of particles from `[[motion]]` in the parsed file.
 
-use super::listed;
+use super::cells;
 use super::reader::{Given, Section};
 use crate::cell::{AXES, Cell};
 use crate::math::Vec3;
@@ -272,10 +272,10 @@ pub(super) fn table(
 
 /// Times [s] and values of a table.
 fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
-    let text = listed::text(path)?;
+    let text = cells::text(path)?;
     let lines = Lines::of(&text);
-    let mut reader = listed::reader(&text);
-    let header = listed::header(&mut reader)?;
+    let mut reader = cells::reader(&text, true);
+    let header = cells::header(&mut reader)?;
     if header.iter().ne(["time_s", value]) {
         let found = shown(header.iter().collect::<Vec<_>>().join(","));
         return Err(vec![format!("must have the columns time_s,{value}; it has {found}")]);
@@ -290,7 +290,7 @@ fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
                 continue;
             }
         };
-        let line = listed::line_of(&record, &text, &lines);
+        let line = cells::line_of(&record, &text, &lines);
         let numbers = record.iter().map(|cell| {
             let number = cell.parse::<f64>().ok().filter(|number| number.is_finite());
             number.ok_or_else(|| format!("line {line}: `{}` is not a number", shown(cell)))
@@ -319,7 +319,7 @@ fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
     if mistakes.is_empty() {
         return Ok(rows);
     }
-    Err(listed::few(mistakes))
+    Err(cells::few(mistakes))
 }
 
 /// Point about which a wall turns [m], and the direction of the axis.

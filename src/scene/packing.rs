@@ -7,18 +7,18 @@ use crate::particles::records::Particle;
 use crate::population::Library;
 use crate::random::Random;
 
-/// Particles of all fills, in the order of the file, with ids from 0. Each depends only on the
+/// Particles of all fills, in the order of the file, with ids from 0 or those of a file. Each depends only on the
 /// scene and its id, so that every rank can list them all and keep its own.
 pub fn initial(scene: &Scene) -> impl Iterator<Item = Particle> {
     let mut next = 0;
     scene.initial.iter().flat_map(move |fill| {
         let first = next;
-        next += fill.count();
+        next = fill.end(first);
         of_fill(fill, first, scene.seed, &scene.library)
     })
 }
 
-/// Particles of a fill, with ids from `first` on.
+/// Particles of a fill, with ids from `first` on, or those of its file.
 pub(super) fn of_fill<'a>(
     fill: &'a Fill,
     first: u64,
@@ -27,7 +27,7 @@ pub(super) fn of_fill<'a>(
 ) -> impl Iterator<Item = Particle> + 'a {
     (0..fill.count()).map(move |k| match fill {
         Fill::Lattice(lattice) => on_lattice(lattice, k, first + k, (seed, library)),
-        Fill::Listed(list) => listed(&list[k as usize], first + k, library),
+        Fill::Listed(list) => listed(&list[k as usize], library),
     })
 }
 
@@ -47,8 +47,8 @@ fn on_lattice(lattice: &Lattice, k: u64, id: u64, (seed, library): (u64, &Librar
     particle
 }
 
-fn listed(row: &Listed, id: u64, library: &Library) -> Particle {
-    let still = Particle::at_rest(GlobalId(id), row.shape, row.position);
+fn listed(row: &Listed, library: &Library) -> Particle {
+    let still = Particle::at_rest(GlobalId(row.id), row.shape, row.position);
     let Listed { scale, velocity, quaternion, .. } = *row;
     Particle { scale, velocity, quaternion, ..still }.spinning(row.angular_velocity, library)
 }

@@ -173,6 +173,7 @@ impl Scene {
             let density = self.materials[material.index()].density;
             let shape = library.push(name, body.shape.clone(), material, density);
             grains.push(Listed {
+                id: grains.len() as u64,
                 shape,
                 scale: 1.0,
                 position: body.centre,

@@ -118,7 +118,7 @@ impl Fills<'_> {
         for fill in before.iter().flatten() {
             let particles = packing::of_fill(fill, first_id, self.seed, library);
             there.extend(particles.map(|one| (one.position, radius(one.shape, one.scale))));
-            first_id += fill.count();
+            first_id = fill.end(first_id);
         }
         let largest = there.iter().map(|&(_, radius)| radius);
         let mut balls = Balls::new(domain, largest.fold(library.largest_radius(), f64::max));
@@ -135,7 +135,8 @@ impl Fills<'_> {
             if is_full {
                 return Some(rows);
             }
-            let mut random = Random::of(self.seed, first_id + rows.len() as u64);
+            let id = first_id + rows.len() as u64;
+            let mut random = Random::of(self.seed, id);
             let shape = mix.pick(random.unit());
             let scale = library.sizes[shape.index()].draw(&mut random);
             let quaternion = orientations.draw(&mut random);
@@ -147,7 +148,15 @@ impl Fills<'_> {
             balls.add(position, radius);
             volume += library.shapes[shape.index()].volume() * scale.powi(3);
             let angular_velocity = Vec3::zeros();
-            rows.push(Listed { shape, scale, position, quaternion, velocity, angular_velocity });
+            rows.push(Listed {
+                id,
+                shape,
+                scale,
+                position,
+                quaternion,
+                velocity,
+                angular_velocity,
+            });
         }
     }
 }

@@ -29,6 +29,13 @@ pub(super) fn counted(sim: &Simulation) -> impl Iterator<Item = (String, f64)> {
     sim.all_observers().flat_map(Reporter::counted)
 }
 
+impl Simulation {
+    /// Names of the columns of `history.csv`.
+    pub fn columns(&self) -> Vec<String> {
+        names(self)
+    }
+}
+
 /// Names of all columns.
 pub(super) fn names(sim: &Simulation) -> Vec<String> {
     let own = own_columns(sim, &Measures::default()).into_iter().map(|(name, _)| name);

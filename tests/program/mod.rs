@@ -18,6 +18,7 @@ mod same_bits;
 mod signalled;
 mod stopped;
 mod suggested;
+mod sweep;
 mod told;
 mod traced;
 mod watched;

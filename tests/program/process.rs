@@ -96,9 +96,10 @@ impl Call {
     pub(super) fn start(self) -> Running {
         static CALLS: AtomicU32 = AtomicU32::new(0);
         let name = format!("{}-{}", std::process::id(), CALLS.fetch_add(1, Ordering::Relaxed));
-        // These scripts call mpirun themselves.
-        let several =
-            |word: &OsString| *word == mpirun() || word == "run/slurm" || word == "run/demo";
+        // These scripts and sweeps call mpirun themselves.
+        let several = |word: &OsString| {
+            *word == mpirun() || ["run/slurm", "run/demo", "--ranks"].iter().any(|w| word == w)
+        };
         let turn = self.words.iter().any(several).then(wait_for_turn);
         let file = || tempfile::tempfile().expect("a file for what the program says");
         let (output, errors) = (file(), file());

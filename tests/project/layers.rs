@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Modules by row, in the order of `src/lib.rs`.
-const ROWS: [&[&str]; 16] = [
+const ROWS: [&[&str]; 17] = [
     &["ids", "math", "lanes", "timing", "files"],
     &["text", "random"],
     &["arguments"],
@@ -22,6 +22,7 @@ const ROWS: [&[&str]; 16] = [
     &["output"],
     &["sim", "post"],
     &["scene"],
+    &["sweep"],
 ];
 
 pub(super) fn sources(folder: &Path, into: &mut Vec<PathBuf>) {

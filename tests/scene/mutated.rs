@@ -21,10 +21,15 @@ const INPUTS: usize = 350;
 /// Time limit of one input, which takes some milliseconds on an idle machine.
 const LONGEST: Duration = Duration::from_secs(30);
 
+const OF_PARTICLES: &str = "[[fill.file]]\npath = \"FILE\"\n";
+
 /// Kinds of input with the scene text that refers to the file; the corpus has a folder of each name.
-const KINDS: [(&str, &str); 6] = [
+const KINDS: [(&str, &str); 9] = [
     ("scene", ""),
-    ("csv", "[[fill.file]]\npath = \"FILE\"\n"),
+    ("csv", OF_PARTICLES),
+    ("txt", OF_PARTICLES),
+    ("data", OF_PARTICLES),
+    ("dump", OF_PARTICLES),
     (
         "motion",
         "[[wall]]\nname = \"lid\"\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\n[[motion]]\nwalls = [\"lid\"]\nalong = [0, 0, 1]\ntable = \"FILE\"\ninterpolation = \"smooth\"\n",
@@ -183,7 +188,7 @@ fn read(kind: &str, extra: &str, bytes: &[u8], folder: &Path) {
     } else {
         let name = format!("mutated.{kind}");
         fs::write(folder.join(&name), bytes).unwrap();
-        let fill = if kind == "csv" {
+        let fill = if extra == OF_PARTICLES {
             ""
         } else {
             "[[fill.lattice]]\nshapes = [\"box\"]\nfirst = [0, 0, 0]\ncount = [1, 1, 1]\n"
