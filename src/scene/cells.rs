@@ -22,7 +22,7 @@ pub(super) struct Cells<'a> {
     pub(super) is_rich: bool,
     /// The box of the particles, with those of its axes that repeat.
     pub(super) bounds: Option<Bounds>,
-    /// What is doubtful.
+    /// Warnings.
     pub(super) doubts: Vec<String>,
 }
 

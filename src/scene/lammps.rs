@@ -20,7 +20,7 @@ fn wrong<T>(line: usize, what: impl std::fmt::Display) -> Found<T> {
     Err(vec![format!("line {line}: {what}")])
 }
 
-/// What to do about a tilted box.
+/// Advice about a tilted box.
 const TILTED: &str =
     "the box is tilted, and the domain of a scene is not: write it after `change_box all ortho`";
 
@@ -30,7 +30,7 @@ const TILTED: &str =
 struct Section<'a> {
     line: usize,
     title: &'a str,
-    /// What stands in the comment behind the title.
+    /// Comment behind the title.
     style: &'a str,
     lines: Vec<(usize, &'a str)>,
 }
@@ -150,9 +150,9 @@ pub(super) fn data(text: &str) -> Found<Cells<'_>> {
     Ok(Cells { names, rows: Box::new(rows), is_rich: true, bounds: None, doubts: Vec::new() })
 }
 
-/// What stands elsewhere of the atoms of a data file.
+/// Data of atoms from other sections of a data file.
 struct Atoms<'a> {
-    /// Of `atom_style ellipsoid`.
+    /// Sizes and quaternions of `atom_style ellipsoid`.
     ellipsoids: Option<ById<'a>>,
     velocities: Option<ById<'a>>,
 }

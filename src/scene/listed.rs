@@ -81,7 +81,7 @@ pub(super) fn is_column(name: &str) -> bool {
         || ALIASES.iter().any(|(other, _)| *other == name)
 }
 
-/// What stands behind "no such column".
+/// Text behind "no such column".
 pub(super) fn like(name: &str) -> String {
     suggestion(name, COLUMNS, "allowed")
 }
@@ -95,10 +95,10 @@ pub(super) enum Format {
     LammpsDump,
 }
 
-/// What the scene says of a file and of its particles.
+/// Settings of a file and of its particles.
 pub(super) struct Source<'a> {
     pub(super) format: Option<Format>,
-    /// Of a dump.
+    /// Frame of a dump.
     pub(super) frame: Option<u64>,
     /// Indices of shapes by types of the file.
     pub(super) types: BTreeMap<&'a str, usize>,

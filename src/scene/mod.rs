@@ -415,7 +415,7 @@ pub struct Lattice {
 /// A particle of a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Listed {
-    /// That of the file, or the number of the particle.
+    /// Id in the file, or the number of the particle.
     pub id: u64,
     /// Shape.
     pub shape: ShapeId,

@@ -55,7 +55,7 @@ pub struct Sweep {
     /// Change a value of the scene in all runs: path.to.key=value (may be repeated)
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// What to put in the table, with commas between: columns of history.csv, of which the last value is taken, and figures of
+    /// Measures in the table, with commas between: columns of history.csv, with their last values, and figures of
     /// report.json such as packing.coordination. Default: all columns of history.csv, without a plot
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     measure: Vec<String>,
@@ -101,11 +101,11 @@ impl Status {
     }
 }
 
-/// What `sweep.json` has.
+/// Content of `sweep.json`.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct State {
     status: Status,
-    /// Of all parts of the run.
+    /// Sum over all parts of the run.
     wall_s: f64,
 }
 
@@ -125,7 +125,7 @@ impl Sweep {
     /// Runs all that is not done, until `signal` has a number. Returns the status to end with.
     ///
     /// # Errors
-    /// What is wrong with the scene or the arguments; then nothing has run.
+    /// Errors of the scene or the arguments; no run has begun.
     pub fn run(&self, signal: &AtomicUsize) -> Result<u8, String> {
         let mut jobs = self.jobs()?;
         let (first, _) = jobs.first().ok_or("nothing to run")?;
@@ -184,7 +184,7 @@ impl Sweep {
         Err(format!("{}{more}", wrong.join("\n")))
     }
 
-    /// What is measured, which every run must have.
+    /// Measures, which every run must have.
     fn names(&self, jobs: &[(Job, Vec<String>)]) -> Result<Vec<String>, String> {
         for name in &self.measure {
             let is_there = |columns: &[String]| columns.contains(name);

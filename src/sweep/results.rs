@@ -1,4 +1,4 @@
-//! What came out of the runs of a sweep: a table with a row for each, and plots.
+//! Results of a sweep: a table with a row for each run, and plots.
 
 use super::varied::Varied;
 use crate::files;
@@ -95,7 +95,7 @@ pub(super) fn write_table(
     table.write_record(keys.chain(["folder", "status", "wall_s"]).chain(of_names))?;
     for row in rows {
         let wall = format!("{:.3}", row.wall_s);
-        // Of a run that is not done there are none.
+        // A run that is not done has none.
         let number = |k: usize| row.measured.get(k).copied().flatten();
         let cell = |k: usize| number(k).map_or_else(String::new, |x| format!("{x:?}"));
         let measured: Vec<String> = (0..names.len()).map(cell).collect();

@@ -1,4 +1,4 @@
-//! What a sweep varies: `--vary path.to.key=value,value`, a list of overrides for each run.
+//! Values of a sweep: `--vary path.to.key=value,value`, a list of overrides for each run.
 
 use std::collections::BTreeSet;
 
@@ -21,7 +21,7 @@ pub struct Varied {
 pub struct Combination {
     /// The name of its folder.
     pub name: String,
-    /// Of each key that is varied, in the order of the options.
+    /// Value of each varied key, in the order of the options.
     pub values: Vec<String>,
 }
 
@@ -29,7 +29,7 @@ impl Varied {
     /// Reads `path.to.key=1,2,3`, or `seed=1..3`, both ends included.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// Cause.
     pub fn parse(text: &str) -> Result<Self, String> {
         const WANTED: &str =
             "give a key and its values, as in material.glass.friction=0.1,0.3 or seed=1..3";

@@ -327,7 +327,7 @@ fn ids_of_a_file_are_kept() {
         state.bits.iter().any(|(id, _)| *id == 7)
             && state.bits.iter().all(|(id, _)| id % 1000 == 7)
     );
-    // Of two files with the same ids the second is numbered behind the first, which is said.
+    // With two files of the same ids, the second is numbered after the first, with a warning.
     let folder = tempfile::tempdir().unwrap();
     let text = "id,x,y,z,shape\n5,0,0,0,bead\n2,0.1,0,0,bead\n";
     fs::write(folder.path().join("a.csv"), text).unwrap();
