@@ -167,7 +167,11 @@ impl Sweep {
                         scene.out.with_file_name(name)
                     });
                     let folder = out.join(&combination.name);
-                    let columns = assemble::assemble(&scene, &Alone::default()).columns();
+                    let sim = assemble::assemble(&scene, &Alone::default());
+                    if let Err(words) = scene.stop.check(&sim) {
+                        wrong.push(format!("{}: {words}", combination.name));
+                    }
+                    let columns = sim.columns();
                     let (state, measured) = (State::default(), Vec::new());
                     let text = scene.text;
                     let job = Job { combination, overrides, text, folder, state, measured };

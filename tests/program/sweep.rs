@@ -137,6 +137,10 @@ fn mistakes_are_found_before_the_first_run() {
     for (arguments, said) in [
         (vec!["--vary", "material.glass.friction=0.1,-1"], "friction=-1: 1 mistake in the scene"),
         (vec!["--vary", "material.glas.friction=0.1"], "did you mean `glass`?"),
+        (
+            vec!["--vary", "seed=1", "--set", "stop.when=[{ column = \"z\", above = 1 }]"],
+            "seed=1: stop.when: history.csv has no column `z`",
+        ),
         (vec!["--vary", "seed"], "give a key and its values, as in"),
         (vec!["--vary", "seed=1,,2"], "a value is empty"),
         (vec!["--vary", "seed=3..1"], "the range 3..1 is empty"),
