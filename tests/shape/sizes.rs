@@ -771,7 +771,7 @@ fn wrong_sizes_are_said_with_their_place() {
         (
             row("1e-90"),
             "",
-            "is of scale 1e-90: its mass or moment of inertia outside the range of numbers",
+            "is of scale 1e-90: its mass or moment of inertia leave the range of numbers",
         ),
         (row("0.001"), "", "over the stable limit"),
         (row("1"), "size = 2\n", "shape.ball.size"),
