@@ -575,7 +575,7 @@ fn what_does_not_go_with_a_cell_is_refused() {
     }
     // Given rates fix the path in advance.
     let thin = crowd("[cell]\nzz = { rate = 100.0 }", BALL, ROUGH, 4, 4e-6) + "duration = 0.02\n";
-    expect_refused(&thin, "[time]", "[time]", "strained by zz = ");
+    expect_refused(&thin, "[time]", "[time]", "with strains zz = ");
 }
 
 /// A cell that becomes too thin under a stress ends the run with an error that states width and strains. A stage without [cell] cannot

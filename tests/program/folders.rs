@@ -50,7 +50,7 @@ fn files_of_others_stay() {
         fs::write(out.join(".lock"), mine).unwrap();
         let refused = few_steps(&out, &[]);
         status(&refused, WRONG);
-        refused.said_once(&format!("no run wrote {}", file.display()));
+        refused.said_once(&format!("{} is not from a run", file.display()));
         assert_eq!(fs::read_to_string(&file).unwrap(), mine, "{name}");
         status(&few_steps(&out, &["--overwrite"]), 0);
         assert_ne!(fs::read(&file).unwrap(), mine.as_bytes(), "{name}");
