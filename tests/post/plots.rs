@@ -41,6 +41,32 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     drawings
 }
 
+/// Texts of a drawing.
+fn texts(svg: &str) -> Vec<&str> {
+    svg.split("</text>").filter_map(|part| part.rsplit('>').next()).map(str::trim).collect()
+}
+
+/// Ticks close to each other, far from 0, have the digits in which they differ.
+#[test]
+fn neighbouring_ticks_have_different_labels() {
+    for (low, high, some) in [
+        (123_400.0, 124_000.0, "1.236·10⁵"),
+        (0.250_000_1, 0.250_000_6, "0.2500003"),
+        (99_999.0, 100_002.0, "1·10⁵"),
+    ] {
+        let points = vec![(0.0, low), (1.0, high)];
+        let line = Series { name: String::new(), colour: BLUE, mark: Mark::Line, points };
+        let svg = chart(SIZE, &linear("x", "y", 0.0..1.0, low..high), &[line]).unwrap();
+        let mut labels = texts(&svg);
+        assert!(labels.contains(&some), "{labels:?}");
+        labels.retain(|label| label.len() > 3);
+        let before = labels.len();
+        labels.sort_unstable();
+        labels.dedup();
+        assert!(before > 2 && before == labels.len(), "{labels:?}");
+    }
+}
+
 /// Sums of steps between ticks give about 1e-17 in place of 0, but the label is 0.
 #[test]
 fn zero_is_labelled_zero() {
@@ -51,8 +77,7 @@ fn zero_is_labelled_zero() {
             let line = Series { name: String::new(), colour: BLUE, mark: Mark::Line, points };
             let svg =
                 chart(SIZE, &linear("x", "y", range.clone(), range.clone()), &[line]).unwrap();
-            let labels = svg.split("</text>").filter_map(|part| part.rsplit('>').next());
-            let labels: Vec<_> = labels.map(str::trim).collect();
+            let labels = texts(&svg);
             let is_hair = |label: &&&str| ["⁻¹", "⁻²"].iter().any(|power| label.contains(power));
             assert_eq!(labels.iter().find(is_hair), None, "{range:?}: {labels:?}");
             assert!(labels.contains(&"0"), "{range:?}: {labels:?}");

@@ -299,29 +299,40 @@ pub fn label(
     Ok(canvas.draw(&Text::new(words.to_string(), at, style))?)
 }
 
-/// Label of a linear axis, with no more digits than needed.
+/// A number with no more digits than needed.
 pub fn tick(value: f64) -> String {
+    written(value, [6, 2])
+}
+
+/// Label of a linear axis of this range. Ticks are rounded far below their distance: sums of steps leave an error where 0
+/// should be. Neighbours have different labels.
+fn tick_on(value: f64, range: &Range<f64>) -> String {
+    let length = (range.end - range.start).abs().max(1e-290);
+    let last = length.log10().floor() as i32 - 3;
+    let grain = 10f64.powi(last);
+    let value = (value / grain).round() * grain;
+    let digits = |exponent: i32| exponent.saturating_sub(last).clamp(0, 15) as usize;
+    written(value, [digits(0), digits(value.abs().log10().floor() as i32)])
+}
+
+/// A number with at most these digits after the point: of the number itself, and of a mantissa.
+fn written(value: f64, [plain, of_mantissa]: [usize; 2]) -> String {
+    let trimmed = |number: f64, digits: usize| {
+        let text = format!("{number:.digits$}");
+        if digits == 0 {
+            return text;
+        }
+        text.trim_end_matches('0').trim_end_matches('.').to_string()
+    };
     let size = value.abs();
     if size < 1e-300 {
         return "0".into();
     }
-    if !(1e-3..1e5).contains(&size) {
-        let (mantissa, exponent) = scientific(value);
-        let mantissa = format!("{mantissa:.2}");
-        return format!(
-            "{}·10{}",
-            mantissa.trim_end_matches('0').trim_end_matches('.'),
-            superscript(exponent)
-        );
+    if (1e-3..1e5).contains(&size) {
+        return trimmed(value, plain);
     }
-    let fixed = format!("{value:.6}");
-    fixed.trim_end_matches('0').trim_end_matches('.').to_string()
-}
-
-/// Label of a linear axis of this range. Steps between ticks leave a rounding error where 0 should be.
-fn tick_on(value: f64, range: &Range<f64>) -> String {
-    let hair = 1e-9 * (range.end - range.start).abs();
-    tick(if value.abs() < hair { 0.0 } else { value })
+    let (mantissa, exponent) = scientific(value);
+    format!("{}·10{}", trimmed(mantissa, of_mantissa), superscript(exponent))
 }
 
 /// Label of a logarithmic axis.
