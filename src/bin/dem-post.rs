@@ -13,7 +13,7 @@ use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
 use dem_mpi::post::measures::{Requested, Source};
-use dem_mpi::post::plots::Plot;
+use dem_mpi::post::page::{self, Page, Section};
 use dem_mpi::post::region::{Bounds, Margin, Region};
 use dem_mpi::post::report::csv;
 use dem_mpi::post::series::{self, Analysed, Choice, Snapshot};
@@ -21,7 +21,7 @@ use dem_mpi::post::sizes;
 use dem_mpi::post::surface::Detail;
 use dem_mpi::post::views::Views;
 use dem_mpi::post::vtp::{self, Files, PolyData};
-use dem_mpi::post::{PostError, Report, Settings, export, lammps, page, pieces};
+use dem_mpi::post::{PostError, Report, Settings, export, lammps, pieces};
 use dem_mpi::text::print_error;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -206,11 +206,17 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     let header = newest.header();
     let targets = servo::targets(&header.drives);
     let views = bounds.map(|bounds| Views::of(&newest, &bounds)).transpose()?;
-    let mut plots =
-        page::plots(&reports, drawing, views.as_ref(), &history, &header.walls, &targets)?;
-    plots.extend(sizes::plots(&sizes::beside(beside))?);
-    plots.extend(measured.plots);
-    write_all(&out, &header.title().unwrap_or_else(|| title(beside)), &reports, &plots)?;
+    let mut sections =
+        page::sections(&reports, drawing, views.as_ref(), &history, &header.walls, &targets)?;
+    let of_sizes = sizes::plots(&sizes::beside(beside))?;
+    sections.push(Section { title: "Sizes of particles", plots: of_sizes });
+    let page = Page {
+        title: &header.title().unwrap_or_else(|| title(beside)),
+        reports: &reports,
+        requested: &measured.plots,
+        sections: &sections,
+    };
+    write_all(&out, page)?;
 
     let table = reports.last().map(table).unwrap_or_default();
     say(&format!(
@@ -378,16 +384,16 @@ fn title(directory: &Path) -> String {
     name.unwrap_or_else(|| "Snapshot".into())
 }
 
-fn write_all(out: &Path, title: &str, reports: &[Report], plots: &[Plot]) -> Result<()> {
+fn write_all(out: &Path, page: Page) -> Result<()> {
     let write = |name: &str, text: &str| {
         write_file(&out.join(name), |file| file.write_all(text.as_bytes()))
     };
-    write("report.json", &(serde_json::to_string_pretty(reports)? + "\n"))?;
-    write("report.csv", &csv(reports.iter().map(|report| &report.summary))?)?;
-    for plot in plots {
+    write("report.json", &(serde_json::to_string_pretty(page.reports)? + "\n"))?;
+    write("report.csv", &csv(page.reports.iter().map(|report| &report.summary))?)?;
+    for plot in page.plots() {
         write(&format!("{}.svg", plot.name), &plot.svg)?;
     }
-    write("index.html", &page::page(title, reports, plots))
+    write("index.html", &page.html())
 }
 
 /// Results in text form for a terminal.

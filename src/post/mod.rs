@@ -15,7 +15,7 @@
 //! |---|---|
 //! | [`region`] | the measured region; volume, solid fraction, strain |
 //! | [`stress`] [`coordination`] [`fabric`] [`forces`] | one measure each |
-//! | [`report`] | the numbers of a snapshot, as JSON, as a row of CSV, and as text |
+//! | [`report`] `rows` | the numbers of a snapshot, as JSON, as a row of CSV, and as text |
 //! | [`series`] | the snapshots of a run, one after the other |
 //! | [`history`] | the scalars of a run by time, written by the run |
 //! | [`measures`] [`errors`] | measures on request, and the errors that prevent them: |
@@ -51,6 +51,7 @@ pub mod measures;
 pub mod mixing;
 pub mod region;
 pub mod report;
+mod rows;
 pub mod series;
 pub mod shown;
 pub mod slope;

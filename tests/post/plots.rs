@@ -11,9 +11,10 @@ use dem_mpi::output::header::{Header, WallRow};
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::post::draw::{BLUE, Mark, SIZE, Series, chart, linear};
 use dem_mpi::post::history::History;
+use dem_mpi::post::page::{self, Page, Section};
 use dem_mpi::post::region::{Bounds, Region};
 use dem_mpi::post::views::{Layer, Views};
-use dem_mpi::post::{Settings, page, panels, plots};
+use dem_mpi::post::{Settings, panels, plots};
 use dem_mpi::walls::Wall;
 
 pub(super) fn views(snapshot: &Snapshot, bounds: &Bounds) -> Views {
@@ -35,9 +36,10 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     let history = History::read(history.as_bytes()).unwrap();
     let views = reports[0].bounds_m.map(|bounds| views(snapshot, &bounds));
     let walls = &snapshot.header.walls;
-    let plots = page::plots(&reports, picture, views.as_ref(), &history, walls, &[]).unwrap();
-    let mut drawings: Vec<_> = plots.iter().map(|p| (p.name.clone(), p.svg.clone())).collect();
-    drawings.push(("page".into(), page::page("a <title>", &reports, &plots)));
+    let sections = page::sections(&reports, picture, views.as_ref(), &history, walls, &[]).unwrap();
+    let page = Page { title: "a <title>", reports: &reports, requested: &[], sections: &sections };
+    let mut drawings: Vec<_> = page.plots().map(|p| (p.name.clone(), p.svg.clone())).collect();
+    drawings.push(("page".into(), page.html()));
     drawings
 }
 
@@ -124,7 +126,46 @@ fn plots_are_finite_for_empty_tiny_and_usual_snapshots() {
     }
     let (_, page) = drawn(&usual, steep).pop().unwrap();
     assert!(page.contains("<title>a &lt;title&gt;</title>"));
-    assert!(!page.contains("<script") && !page.contains("href="));
+    assert!(!page.contains("<script") && !page.contains("src="));
+    let mut links = page.split("href=\"").skip(1).map(|rest| rest.split('"').next().unwrap());
+    let is_there = |link: &str| {
+        link.strip_prefix('#').is_some_and(|id| page.contains(&format!(" id=\"{id}\"")))
+    };
+    assert_eq!(links.find(|link| !is_there(link)), None);
+}
+
+/// Results stand before plots and plots before tables, as in the list of contents. Nothing is empty.
+#[test]
+fn the_page_begins_with_what_was_requested() {
+    let snapshot = ellipsoids(3, 8);
+    let mut report = snapshot.report();
+    report.summary.q_pa = None;
+    let reports = vec![report; 3];
+    let history = History::read("time,energy\n0,1\n1,2\n".as_bytes()).unwrap();
+    let mut sections =
+        page::sections(&reports, "<svg></svg>".into(), None, &history, &[], &[]).unwrap();
+    let requested = sections[2].plots.clone();
+    sections.push(Section { title: "Nothing", plots: Vec::new() });
+    let page =
+        Page { title: "falling", reports: &reports, requested: &requested, sections: &sections };
+    let html = page.html();
+    let expected =
+        ["Results", "Series", "Last snapshot", "History of the run", "Numbers", "All snapshots"];
+    let headings = |begin: &str, end: &str| -> Vec<String> {
+        let parts = html.split(begin).skip(1);
+        parts.map(|part| part.split(end).next().unwrap().to_owned()).collect()
+    };
+    assert_eq!(headings("<h2>", "</h2>"), expected);
+    let links = headings("<a href=\"#section-", "</a>");
+    let titles: Vec<_> = links.iter().filter_map(|link| link.split('>').nth(1)).collect();
+    assert_eq!(titles, expected);
+    let place = |text: &str| html.find(text).unwrap_or_else(|| panic!("no {text}"));
+    assert!(place("<nav>") < place("id=\"history_energy\""));
+    assert!(place("id=\"history_energy\"") < place("id=\"packing\""));
+    assert!(place("id=\"packing\"") < place("<table>"));
+    // Rows and columns without any value are left out.
+    assert!(!html.contains("<td>–</td>") && !html.contains("deviatoric stress q"));
+    assert!(html.contains("mean stress p") && !html.contains("shear strain"));
 }
 
 #[test]
