@@ -151,15 +151,6 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
         say(PYTHON)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let settings = Settings {
-        region: arguments.region.map_or(Region::Whole, Region::Box),
-        among: if arguments.fabric_with_walls {
-            Among::ParticlesAndWalls
-        } else {
-            Among::Particles
-        },
-    };
-    let choice = Choice { settings, margin: arguments.margin };
     let mut files = particle_files(arguments)?;
     if arguments.diff {
         return compare(&files);
@@ -179,31 +170,38 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     );
     fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
 
-    let Analysed { reports, picture, left_out } = series::reports(&snapshots, &choice)?;
     if arguments.lammps {
-        let reader = Reader::open(newest)?;
-        let drawn = lammps::drawn_otherwise(reader.header());
-        if !drawn.is_empty() {
-            print_error(format_args!(
-                "dem-post: OVITO will draw particles of {} as the ellipsoids in their boxes, as a dump has no other \
-                 shapes: for exact shapes use --surfaces",
-                drawn.join(", ")
-            ));
-        }
-        for snapshot in &snapshots {
-            let reader = Reader::open(&snapshot.path)?;
-            write_lammps(&out, &reader).with_context(|| snapshot.path.display().to_string())?;
-        }
+        write_dumps(&out, &snapshots, newest)?;
     }
     write_pictures(&out, &snapshots, arguments)?;
+    write_results(&out, &snapshots, newest, arguments)
+}
+
+/// Analyses all snapshots, makes the requested measures, writes reports and page, and prints the numbers.
+fn write_results(
+    out: &Path,
+    snapshots: &[Snapshot],
+    newest: &Path,
+    arguments: &Arguments,
+) -> Result<ExitCode> {
+    let choice = choice(arguments);
+    let beside = newest.parent().unwrap_or(Path::new("."));
+    let Analysed { mut reports, picture, left_out } = series::reports(snapshots, &choice)?;
     let bounds = reports.last().and_then(|r| r.bounds_m);
     let drawing = picture.svg(bounds.as_ref());
     let history = history_beside(beside);
-    let source =
-        Source { snapshots: &snapshots, history: &history, choice: &choice, as_xml: arguments.vtp };
-    let measured = arguments.asked.make(source, &out);
     let newest = Reader::open(newest)?;
     let header = newest.header();
+    let source = Source {
+        snapshots,
+        history: &history,
+        walls: &header.walls,
+        choice: &choice,
+        as_xml: arguments.vtp,
+    };
+    let mut measured = arguments.asked.make(source, out);
+    measured.notes.splice(0..0, left_out);
+    measured.add_to(&mut reports);
     let targets = servo::targets(&header.drives);
     let views = bounds.map(|bounds| Views::of(&newest, &bounds)).transpose()?;
     let mut sections =
@@ -216,11 +214,12 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
         requested: &measured.plots,
         sections: &sections,
     };
-    write_all(&out, page)?;
+    write_all(out, page)?;
 
     let table = reports.last().map(table).unwrap_or_default();
     say(&format!(
-        "{table}{left_out}{}\npage: {}\n",
+        "{table}{}{}\npage: {}\n",
+        measured.notes.concat(),
         measured.text,
         out.join("index.html").display()
     ))?;
@@ -233,6 +232,32 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
             bail!("{first}")
         }
     }
+}
+
+/// Writes a dump of each snapshot, and names the shapes that it replaces.
+fn write_dumps(out: &Path, snapshots: &[Snapshot], newest: &Path) -> Result<()> {
+    let reader = Reader::open(newest)?;
+    let drawn = lammps::drawn_otherwise(reader.header());
+    if !drawn.is_empty() {
+        print_error(format_args!(
+            "dem-post: OVITO will draw particles of {} as the ellipsoids in their boxes, as a dump has no other \
+             shapes: for exact shapes use --surfaces",
+            drawn.join(", ")
+        ));
+    }
+    for snapshot in snapshots {
+        let reader = Reader::open(&snapshot.path)?;
+        write_lammps(out, &reader).with_context(|| snapshot.path.display().to_string())?;
+    }
+    Ok(())
+}
+
+/// Region and contacts to measure.
+fn choice(arguments: &Arguments) -> Choice {
+    let region = arguments.region.map_or(Region::Whole, Region::Box);
+    let among =
+        if arguments.fabric_with_walls { Among::ParticlesAndWalls } else { Among::Particles };
+    Choice { settings: Settings { region, among }, margin: arguments.margin }
 }
 
 /// Does a run write into this folder?

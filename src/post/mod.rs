@@ -47,6 +47,8 @@ pub mod forces;
 pub mod grid;
 pub mod history;
 pub mod lammps;
+pub mod means;
+pub mod measured;
 pub mod measures;
 pub mod mixing;
 pub mod region;

@@ -3,6 +3,7 @@
 use super::coordination::Coordination;
 use super::fabric::{Among, Degrees, Fabric, ForceFabric, Rose, degree};
 use super::forces::Forces;
+use super::measured::Measured;
 use super::region::{Bounds, Region, Slide, Strain, doubts, enclosed, slides};
 use super::rows::rows;
 use super::stress::{Principal, Stress, on_walls, shear_over_normal};
@@ -54,6 +55,9 @@ pub struct Report {
     pub rose: Rose,
     /// Distributions of forces over the mean normal force.
     pub forces: Option<Forces>,
+    /// Results of requested measures, and means over a window.
+    #[serde(default)]
+    pub measured: Measured,
 }
 
 /// Numbers of a snapshot: one row of the table. Keys end in their unit; those without a unit are counts or ratios.
@@ -297,6 +301,7 @@ impl Report {
             force_fabric,
             rose: parts.rose,
             forces,
+            measured: Measured::default(),
         }
     }
 
@@ -333,9 +338,9 @@ impl Report {
             Group {
                 title: "Packing".into(),
                 rows: rows([
-                    Row::count("particles", s.particles as f64),
-                    Row::count("contacts between particles", s.contacts_between_particles),
-                    Row::count("contacts with walls", s.contacts_with_walls as f64),
+                    Some(Row::count("particles", s.particles as f64)),
+                    Some(Row::count("contacts between particles", s.contacts_between_particles)),
+                    Some(Row::count("contacts with walls", s.contacts_with_walls as f64)),
                     Row::number("height", s.height_m, "m"),
                     Row::number("volume", s.volume_m3, "m³"),
                     Row::number("solid fraction", s.solid_fraction, ""),
@@ -378,8 +383,8 @@ impl Report {
                         s.mechanical_coordination_with_walls,
                         "",
                     ),
-                    Row::count("rattlers, particles", s.rattlers as f64),
-                    Row::count("rattlers, with walls", s.rattlers_with_walls as f64),
+                    Some(Row::count("rattlers, particles", s.rattlers as f64)),
+                    Some(Row::count("rattlers, with walls", s.rattlers_with_walls as f64)),
                 ]),
             },
             Group {

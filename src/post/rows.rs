@@ -22,8 +22,13 @@ pub struct Row {
 
 impl Row {
     /// A count.
-    pub(super) fn count(label: &str, value: f64) -> Option<Self> {
-        Some(Self { label: label.into(), value: grouped(value), unit: String::new() })
+    pub(super) fn count(label: &str, value: f64) -> Self {
+        Self { label: label.into(), value: grouped(value), unit: String::new() }
+    }
+
+    /// A number in other words.
+    pub(super) fn text(label: &str, value: String, unit: &str) -> Self {
+        Self { label: label.into(), value, unit: unit.into() }
     }
 
     /// A number in this unit, which may take a prefix; `None` without a value.

@@ -118,13 +118,13 @@ pub struct Analysed {
     pub reports: Vec<Report>,
     /// Picture of the last snapshot.
     pub picture: Picture,
-    /// A line with the number of skipped snapshots and the reason; empty if none is skipped.
-    pub left_out: String,
+    /// A line with the number of skipped snapshots and the reason, if any is skipped.
+    pub left_out: Option<String>,
 }
 
 /// A line with the number of snapshots that a measure skips, and the reason.
-pub(super) fn left_out(name: &str, errors: &[impl Display], count: usize) -> String {
-    errors.last().map_or_else(String::new, |last| {
+pub(super) fn left_out(name: &str, errors: &[impl Display], count: usize) -> Option<String> {
+    errors.last().map(|last| {
         let left = errors.len();
         format!("{name}: {left} of {count} snapshots are left out; reason for the last: {last}\n")
     })

@@ -3,7 +3,7 @@
 
 use super::draw::PlotError;
 use super::panels::panels;
-use super::plots::{self, Plot, Width};
+use super::plots::{self, Pick, Plot, Width};
 use super::rose::roses;
 use super::views::Views;
 use crate::drive::servo::Target;
@@ -11,7 +11,7 @@ use crate::output::header::WallRow;
 use crate::post::forces::Forces;
 use crate::post::history::History;
 use crate::post::region::Bounds;
-use crate::post::report::{Group, Report, Summary, readable};
+use crate::post::report::{Group, Report, readable};
 use std::fmt::Write;
 
 /// Plots under a common heading.
@@ -97,7 +97,7 @@ impl<'a> Page<'a> {
 
     /// The page: results of the requested measures, then plots, then tables. Sections without content are left out.
     pub fn html(&self) -> String {
-        let parts: Vec<(&str, String)> = [("Results", figures(self.requested))]
+        let parts: Vec<(&str, String)> = [("Results", self.results())]
             .into_iter()
             .chain(self.sections.iter().map(|section| (section.title, figures(&section.plots))))
             .chain([("Numbers", self.numbers()), ("All snapshots", series(self.reports))])
@@ -152,6 +152,18 @@ impl<'a> Page<'a> {
             let _ = writeln!(out, "<a href=\"#{name}\">{}</a>", escaped(title));
         }
         out.push_str("</details>\n</nav>\n");
+    }
+
+    /// Numbers, notes and plots of the requested measures.
+    fn results(&self) -> String {
+        let mut out = String::new();
+        if let Some(Report { measured, .. }) = self.reports.last() {
+            tables(&measured.groups(), &mut out);
+            for note in &measured.notes {
+                let _ = writeln!(out, "<p>{}.</p>", escaped(note));
+            }
+        }
+        out + &figures(self.requested)
     }
 
     /// Tables of the last snapshot, below doubts about them.
@@ -223,7 +235,7 @@ fn tables(groups: &[Group], out: &mut String) {
 }
 
 /// Columns of the table of a series.
-const COLUMNS: [(&str, fn(&Summary) -> Option<f64>); 11] = [
+const COLUMNS: [(&str, Pick); 11] = [
     ("p (Pa)", |s| s.p_pa),
     ("q / p", |s| s.q_over_p),
     ("axial strain", |s| s.axial_strain),
@@ -246,9 +258,8 @@ fn series(reports: &[Report]) -> String {
     if reports.len() < 2 {
         return out;
     }
-    let has_values = |(_, of): &&(_, fn(&Summary) -> Option<f64>)| {
-        reports.iter().any(|report| of(&report.summary).is_some())
-    };
+    let has_values =
+        |(_, of): &&(_, Pick)| reports.iter().any(|report| of(&report.summary).is_some());
     let columns: Vec<_> = COLUMNS.iter().filter(has_values).collect();
     out.push_str(
         "<div class=\"series\">\n<table>\n<tr><th>step</th><th>time (s)</th><th>particles</th>",
