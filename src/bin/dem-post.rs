@@ -100,7 +100,7 @@ struct Arguments {
 
     /// Compare two snapshots particle by particle, bit for bit, and write nothing.
     /// Exit status: 0 equal, 1 different, 2 could not compare
-    #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps", "surfaces", "vtp", "Asked"])]
+    #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps", "surfaces", "vtp", "Requested"])]
     diff: bool,
 
     #[command(flatten)]
