@@ -274,7 +274,7 @@ impl<'a> ParticlePass<'a> {
             },
             members: Members::new(settings.region),
             mean_force: MeanForceSum::new(settings.among),
-            picture: Picture::default(),
+            picture: Picture::of(header, settings.region == Region::Whole),
         })
     }
 

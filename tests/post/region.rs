@@ -379,7 +379,7 @@ fn an_open_packing_has_no_strain() {
 }
 
 /// Adds a wall to the header, with its triangles if it has some.
-fn add_wall(header: &mut Header, wall: &Wall) {
+pub(super) fn add_wall(header: &mut Header, wall: &Wall) {
     let (point, normal) = wall.surface();
     let (velocity, force) = (Vec3::zeros(), Vec3::zeros());
     let (name, body) = (wall.name.clone(), wall.saved());

@@ -55,7 +55,7 @@ fn of_snapshot(
         title: "Packing".into(),
         caption:
             "Side view along y (x to the right, z up): exact outlines of the nearest particles, darker with more \
-             contacts; particles with fewer than two contacts are yellow."
+             contacts; particles with fewer than two contacts are yellow. Grey lines are walls."
                 .into(),
         width: Width::Full,
         svg: picture,
