@@ -13,15 +13,16 @@ use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
 use dem_mpi::post::measures::{Requested, Source};
-use dem_mpi::post::plots::Plot;
+use dem_mpi::post::page::{self, Page, Section};
+use dem_mpi::post::picture::side_by_side;
 use dem_mpi::post::region::{Bounds, Margin, Region};
-use dem_mpi::post::report::csv;
+use dem_mpi::post::report::{csv, readable};
 use dem_mpi::post::series::{self, Analysed, Choice, Snapshot};
 use dem_mpi::post::sizes;
 use dem_mpi::post::surface::Detail;
 use dem_mpi::post::views::Views;
 use dem_mpi::post::vtp::{self, Files, PolyData};
-use dem_mpi::post::{PostError, Report, Settings, export, lammps, page, pieces};
+use dem_mpi::post::{PostError, Report, Settings, export, lammps, pieces};
 use dem_mpi::text::print_error;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -151,15 +152,6 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
         say(PYTHON)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let settings = Settings {
-        region: arguments.region.map_or(Region::Whole, Region::Box),
-        among: if arguments.fabric_with_walls {
-            Among::ParticlesAndWalls
-        } else {
-            Among::Particles
-        },
-    };
-    let choice = Choice { settings, margin: arguments.margin };
     let mut files = particle_files(arguments)?;
     if arguments.diff {
         return compare(&files);
@@ -179,42 +171,74 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     );
     fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
 
-    let Analysed { reports, picture, left_out } = series::reports(&snapshots, &choice)?;
     if arguments.lammps {
-        let reader = Reader::open(newest)?;
-        let drawn = lammps::drawn_otherwise(reader.header());
-        if !drawn.is_empty() {
-            print_error(format_args!(
-                "dem-post: OVITO will draw particles of {} as the ellipsoids in their boxes, as a dump has no other \
-                 shapes: for exact shapes use --surfaces",
-                drawn.join(", ")
-            ));
-        }
-        for snapshot in &snapshots {
-            let reader = Reader::open(&snapshot.path)?;
-            write_lammps(&out, &reader).with_context(|| snapshot.path.display().to_string())?;
-        }
+        write_dumps(&out, &snapshots, newest)?;
     }
     write_pictures(&out, &snapshots, arguments)?;
+    write_results(&out, &snapshots, newest, arguments)
+}
+
+/// Analyses all snapshots, makes the requested measures, writes reports and page, and prints the numbers.
+fn write_results(
+    out: &Path,
+    snapshots: &[Snapshot],
+    newest: &Path,
+    arguments: &Arguments,
+) -> Result<ExitCode> {
+    let choice = choice(arguments);
+    let beside = newest.parent().unwrap_or(Path::new("."));
+    let Analysed { mut reports, picture, mut earlier, left_out } =
+        series::reports(snapshots, &choice)?;
     let bounds = reports.last().and_then(|r| r.bounds_m);
+    if let (false, Some(report)) = (earlier.is_empty(), reports.last()) {
+        let time = format!("{} s", readable(report.summary.time_s));
+        earlier.push((time, picture.clone(), bounds));
+    }
+    let earlier = (!earlier.is_empty()).then(|| side_by_side(earlier));
     let drawing = picture.svg(bounds.as_ref());
-    let history = history_beside(beside);
-    let source =
-        Source { snapshots: &snapshots, history: &history, choice: &choice, as_xml: arguments.vtp };
-    let measured = arguments.asked.make(source, &out);
+    let (history, unread) = history_beside(beside);
     let newest = Reader::open(newest)?;
     let header = newest.header();
+    let source = Source {
+        snapshots,
+        history: &history,
+        walls: &header.walls,
+        choice: &choice,
+        as_xml: arguments.vtp,
+    };
+    let mut measured = arguments.asked.make(source, out);
+    measured.notes.splice(0..0, left_out);
+    measured.add_to(&mut reports);
     let targets = servo::targets(&header.drives);
     let views = bounds.map(|bounds| Views::of(&newest, &bounds)).transpose()?;
-    let mut plots =
-        page::plots(&reports, drawing, views.as_ref(), &history, &header.walls, &targets)?;
-    plots.extend(sizes::plots(&sizes::beside(beside))?);
-    plots.extend(measured.plots);
-    write_all(&out, &header.title().unwrap_or_else(|| title(beside)), &reports, &plots)?;
+    let mut sections = page::sections(
+        &reports,
+        earlier,
+        drawing,
+        views.as_ref(),
+        &history,
+        &header.walls,
+        &targets,
+    )?;
+    let (of_run, mut warnings) = sizes::beside(beside);
+    warnings.extend(unread.iter().cloned());
+    warnings.extend(measured.failed.iter().map(|error| format!("dem-post: {error}")));
+    let of_sizes = sizes::plots(&of_run)?;
+    sections.push(Section { title: "Sizes of particles", plots: of_sizes });
+    let page = Page {
+        title: &header.title().unwrap_or_else(|| title(beside)),
+        command: &arguments::command_line(),
+        warnings: &warnings,
+        reports: &reports,
+        requested: &measured.plots,
+        sections: &sections,
+    };
+    write_all(out, page)?;
 
     let table = reports.last().map(table).unwrap_or_default();
     say(&format!(
-        "{table}{left_out}{}\npage: {}\n",
+        "{table}{}{}\npage: {}\n",
+        measured.notes.concat(),
         measured.text,
         out.join("index.html").display()
     ))?;
@@ -227,6 +251,32 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
             bail!("{first}")
         }
     }
+}
+
+/// Writes a dump of each snapshot, and names the shapes that it replaces.
+fn write_dumps(out: &Path, snapshots: &[Snapshot], newest: &Path) -> Result<()> {
+    let reader = Reader::open(newest)?;
+    let drawn = lammps::drawn_otherwise(reader.header());
+    if !drawn.is_empty() {
+        print_error(format_args!(
+            "dem-post: OVITO will draw particles of {} as the ellipsoids in their boxes, as a dump has no other \
+             shapes: for exact shapes use --surfaces",
+            drawn.join(", ")
+        ));
+    }
+    for snapshot in snapshots {
+        let reader = Reader::open(&snapshot.path)?;
+        write_lammps(out, &reader).with_context(|| snapshot.path.display().to_string())?;
+    }
+    Ok(())
+}
+
+/// Region and contacts to measure.
+fn choice(arguments: &Arguments) -> Choice {
+    let region = arguments.region.map_or(Region::Whole, Region::Box);
+    let among =
+        if arguments.fabric_with_walls { Among::ParticlesAndWalls } else { Among::Particles };
+    Choice { settings: Settings { region, among }, margin: arguments.margin }
 }
 
 /// Does a run write into this folder?
@@ -362,14 +412,18 @@ fn write_file(
     written.with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Scalars of the run, if there are any; a damaged table is reported and ignored.
-fn history_beside(directory: &Path) -> History {
+/// Scalars of the run, if there are any. A damaged table is ignored, with a warning.
+fn history_beside(directory: &Path) -> (History, Option<String>) {
     let path = directory.join("history.csv");
-    let Ok(file) = files::open(&path) else { return History::default() };
-    History::read(file).unwrap_or_else(|error| {
-        print_error(format_args!("dem-post: {} is left out: {error}", path.display()));
-        History::default()
-    })
+    let Ok(file) = files::open(&path) else { return (History::default(), None) };
+    match History::read(file) {
+        Ok(history) => (history, None),
+        Err(error) => {
+            let warning = format!("dem-post: {} is left out: {error}", path.display());
+            print_error(format_args!("{warning}"));
+            (History::default(), Some(warning))
+        }
+    }
 }
 
 /// Title of a run without one: the name of its folder.
@@ -378,16 +432,16 @@ fn title(directory: &Path) -> String {
     name.unwrap_or_else(|| "Snapshot".into())
 }
 
-fn write_all(out: &Path, title: &str, reports: &[Report], plots: &[Plot]) -> Result<()> {
+fn write_all(out: &Path, page: Page) -> Result<()> {
     let write = |name: &str, text: &str| {
         write_file(&out.join(name), |file| file.write_all(text.as_bytes()))
     };
-    write("report.json", &(serde_json::to_string_pretty(reports)? + "\n"))?;
-    write("report.csv", &csv(reports.iter().map(|report| &report.summary))?)?;
-    for plot in plots {
+    write("report.json", &(serde_json::to_string_pretty(page.reports)? + "\n"))?;
+    write("report.csv", &csv(page.reports.iter().map(|report| &report.summary))?)?;
+    for plot in page.plots() {
         write(&format!("{}.svg", plot.name), &plot.svg)?;
     }
-    write("index.html", &page::page(title, reports, plots))
+    write("index.html", &page.html())
 }
 
 /// Results in text form for a terminal.

@@ -131,9 +131,15 @@ pub enum MeasureError {
         /// Names of all outlets.
         known: Vec<String>,
     },
+    /// A window was given, and nothing has a mean.
+    #[error(
+        "nothing to average in the window: history.csv has no wall that turns and no stress of a cell or of walls; give \
+         --flow, or omit --window"
+    )]
+    NothingToAverage,
     /// There are fewer than two rows for a rate.
     #[error(
-        "{rows} rows in the window, and a rate needs two: give more snapshots (--series), or a larger --window"
+        "{rows} rows in the window, and a rate or a mean needs two: give more snapshots (--series), or a larger --window"
     )]
     FewRows {
         /// Number of rows.

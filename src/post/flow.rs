@@ -15,11 +15,12 @@ use super::check;
 use super::errors::MeasureError;
 use super::history::History;
 use super::pieces;
+use super::rows::readable;
 use super::slope::line;
 use crate::cell::AXES;
 use crate::ids::GlobalId;
 use crate::output::snapshot::Reader;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
@@ -65,12 +66,27 @@ impl FromStr for Gate {
 }
 
 /// Window of time [s], both ends included.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Window {
     /// Begin [s].
+    #[serde(rename = "from_s")]
     pub from: f64,
     /// End [s].
+    #[serde(rename = "to_s")]
     pub to: f64,
+}
+
+impl Window {
+    /// True if a time is in the window; times are rounded multiples of a step.
+    pub(super) fn holds(&self, time: f64) -> bool {
+        let slack = 1e-9 * self.to.abs();
+        (self.from - slack..=self.to + slack).contains(&time)
+    }
+
+    /// The window in words, with its number of rows.
+    pub(super) fn words(&self, rows: usize) -> String {
+        format!("from {} s to {} s ({rows} rows)", readable(self.from), readable(self.to))
+    }
 }
 
 impl FromStr for Window {
@@ -98,18 +114,34 @@ pub struct CumulativeFlow {
 }
 
 /// Rates in a window.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rate {
     /// Time of the first and last row [s].
+    #[serde(flatten)]
     pub window: Window,
     /// Number of rows.
     pub rows: usize,
     /// Number rate [1/s].
+    #[serde(rename = "grains_per_s")]
     pub grains: f64,
     /// Mass rate [kg/s].
+    #[serde(rename = "kg_per_s")]
     pub mass: f64,
     /// Mass rates in the halves of the window [kg/s], if each has two rows.
+    #[serde(rename = "kg_per_s_by_half")]
     pub halves: Option<[f64; 2]>,
+}
+
+/// Rates, with the numbers of particles whose passage is uncertain: see [`ThroughPlane`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Flow {
+    /// The rates.
+    #[serde(flatten)]
+    pub rate: Rate,
+    /// Number of particles first seen behind a plane.
+    pub new_behind: u64,
+    /// Number of particles last seen before a plane.
+    pub gone_before: u64,
 }
 
 /// Flow through a plane, with the numbers of particles whose passage is uncertain.
@@ -181,9 +213,8 @@ pub fn through_plane(
 /// # Errors
 /// If there is no such column.
 pub fn through_outlet(history: &History, name: &str) -> Result<Vec<CumulativeFlow>, MeasureError> {
-    let column = |name: &str| history.curves.iter().find(|curve| curve.name == name);
     let (Some(grains), Some(mass)) =
-        (column(&format!("left_{name}")), column(&format!("left_{name}_kg")))
+        (history.curve(&format!("left_{name}")), history.curve(&format!("left_{name}_kg")))
     else {
         let names = history.curves.iter().filter_map(|curve| curve.name.strip_prefix("left_"));
         let known = names.filter(|name| !name.ends_with("_kg")).map(str::to_owned).collect();
@@ -201,11 +232,7 @@ impl Rate {
     /// # Errors
     /// If there are fewer than two rows in the window.
     pub fn of(rows: &[CumulativeFlow], window: Option<Window>) -> Result<Self, MeasureError> {
-        // Times are rounded multiples of a step.
-        let slack = 1e-9 * rows.last().map_or(0.0, |row| row.time_s.abs());
-        let is_in = |row: &&CumulativeFlow| {
-            window.is_none_or(|w| w.from - slack <= row.time_s && row.time_s <= w.to + slack)
-        };
+        let is_in = |row: &&CumulativeFlow| window.is_none_or(|w| w.holds(row.time_s));
         let rows: Vec<CumulativeFlow> = rows.iter().filter(is_in).copied().collect();
         let [first, .., last] = rows[..] else {
             return Err(MeasureError::FewRows { rows: rows.len() });

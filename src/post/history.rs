@@ -79,10 +79,14 @@ impl History {
         Ok(Self { curves: curves.collect() })
     }
 
+    /// Curve of a column, if there is one.
+    pub fn curve(&self, name: &str) -> Option<&Curve> {
+        self.curves.iter().find(|curve| curve.name == name)
+    }
+
     /// Last value of a column, if there is one.
     pub fn last(&self, name: &str) -> Option<f64> {
-        let curve = self.curves.iter().find(|curve| curve.name == name)?;
-        Some(curve.points.last()?.1)
+        Some(self.curve(name)?.points.last()?.1)
     }
 }
 

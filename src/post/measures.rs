@@ -1,20 +1,25 @@
 //! Measures on request: fields, mixing, slope, flow. Each writes a table, and a curve for the page.
 
-use super::draw::{Axes, BLUE, Mark, ORANGE, PlotError, SIZE, Series, chart, linear, span};
+use super::draw::{
+    Axes, BLUE, Mark, ORANGE, PlotError, SIZE, Series, VERMILION, chart, linear, span,
+};
 use super::errors::MeasureError;
 use super::fields::{Fields, Smoothing, Weight};
 use super::flow::{
-    CumulativeFlow, Gate, Rate, ThroughPlane, Window, through_outlet, through_plane,
+    CumulativeFlow, Flow, Gate, Rate, ThroughPlane, Window, through_outlet, through_plane,
 };
 use super::history::History;
+use super::means::{Mean, means, stress_path};
+use super::measured::{FieldsMade, Measured};
 use super::mixing::{Groups, Members, Mixing};
 use super::plots::{Plot, Width};
 use super::region::{Margin, Region};
-use super::report::readable;
+use super::report::{Report, readable};
 use super::series::{Choice, Snapshot};
-use super::slope::{Direction, Slope};
+use super::slope::{Direction, Slope, Surface};
 use super::{inside, vtp};
 use crate::files;
+use crate::output::header::WallRow;
 use crate::output::series;
 use crate::output::snapshot::Reader;
 use serde::Serialize;
@@ -54,8 +59,9 @@ pub struct Requested {
     #[arg(long, value_name = "GATE", allow_hyphen_values = true)]
     flow: Option<Gate>,
 
-    /// Take the rates of --flow between these times, in seconds [default: all]
-    #[arg(long, value_name = "t0,t1", requires = "flow", allow_hyphen_values = true)]
+    /// Take the rates of --flow [default: all], and the means of torque, power and stress [default: the last half], between
+    /// these times, in seconds
+    #[arg(long, value_name = "t0,t1", allow_hyphen_values = true)]
     window: Option<Window>,
 }
 
@@ -66,6 +72,8 @@ pub struct Source<'a> {
     pub snapshots: &'a [Snapshot],
     /// Scalars of the run.
     pub history: &'a History,
+    /// Walls of the run.
+    pub walls: &'a [WallRow],
     /// Region and contacts to measure.
     pub choice: &'a Choice,
     /// Whether to write XML files, too.
@@ -77,10 +85,33 @@ pub struct Source<'a> {
 pub struct Shown {
     /// Plots for the page.
     pub plots: Vec<Plot>,
-    /// Text for a terminal.
+    /// Results as text for a terminal.
     pub text: String,
+    /// Notes on the measures for a terminal, each with an end of line.
+    pub notes: Vec<String>,
+    /// Free surface of each snapshot.
+    slopes: Vec<Slope>,
+    /// Mixing of each snapshot.
+    mixings: Vec<Mixing>,
+    /// Results of the whole run.
+    of_run: Measured,
     /// Errors of requested measures that failed.
     pub failed: Vec<MeasureError>,
+}
+
+impl Shown {
+    /// Adds the results to the reports of their snapshots, those of the whole run to the last.
+    pub fn add_to(&self, reports: &mut [Report]) {
+        if let Some(last) = reports.last_mut() {
+            let notes = self.notes.iter().map(|note| note.trim_end().to_owned()).collect();
+            last.measured = Measured { notes, ..self.of_run.clone() };
+        }
+        for report in reports {
+            let step = report.summary.step;
+            report.measured.slope = self.slopes.iter().find(|slope| slope.step == step).copied();
+            report.measured.mixing = self.mixings.iter().find(|row| row.step == step).copied();
+        }
+    }
 }
 
 impl Requested {
@@ -93,6 +124,7 @@ impl Requested {
             self.mixing.as_ref().map(|groups| self.make_mixing(groups, source, out, shown_by)),
             self.slope.map(|along| make_slope(along, source, out, shown_by)),
             self.flow.as_ref().map(|gate| self.make_flow(gate, source, out, shown_by)),
+            Some(self.make_means(source, shown_by)),
         ];
         shown.failed = made.into_iter().flatten().filter_map(Result::err).collect();
         shown
@@ -130,6 +162,8 @@ impl Requested {
         }
         if let Some((grid, mass, width)) = all.last() {
             let [x, y, z] = grid.cells;
+            shown.of_run.fields =
+                Some(FieldsMade { cells: grid.cells, width_m: *width, mass_kg: *mass });
             let _ = writeln!(
                 shown.text,
                 "fields: {x} x {y} x {z} cells, width {} m, mass {} kg",
@@ -171,20 +205,18 @@ impl Requested {
             );
         }
         if let Some(last) = rows.last().filter(|last| last.left_out > 0) {
-            let _ = writeln!(
-                shown.text,
+            shown.notes.push(format!(
                 "mixing: {} of {} particles at {} s came after the first snapshot: they are in neither half and are \
-                 left out. For streams that follow each other, give each its own shape and use shape:NAME",
+                 left out. For streams that follow each other, give each its own shape and use shape:NAME\n",
                 last.left_out,
                 last.left_out + last.grains,
                 readable(last.time_s)
-            );
+            ));
         }
         if matches!(groups, Groups::Half(_)) && rows.len() == 1 {
-            shown.text.push_str(
-                "mixing: the halves of a single snapshot are separate by definition: give --series, or several \
-                 snapshots, to see how they mix\n",
-            );
+            let note = "mixing: the halves of a single snapshot are separate by definition: give --series, or \
+                        several snapshots, to see how they mix\n";
+            shown.notes.push(note.to_owned());
         }
         if points.len() > 1 {
             let cells = rows.last().map_or(0, |row| row.cells);
@@ -199,6 +231,7 @@ impl Requested {
                 points,
             )?);
         }
+        shown.mixings = rows;
         Ok(())
     }
 
@@ -232,14 +265,28 @@ impl Requested {
         }
         shown.text.push('\n');
         if new_behind > 0 {
-            let _ = writeln!(
-                shown.text,
+            shown.notes.push(format!(
                 "flow: {new_behind} particles were first seen behind the plane and are not counted. With an inlet \
                  before the plane, they crossed it between two snapshots: write snapshots more often \
-                 (output.snapshot_every). {gone_before} particles were last seen before the plane and are counted"
-            );
+                 (output.snapshot_every). {gone_before} particles were last seen before the plane and are counted\n"
+            ));
         }
+        shown.of_run.flow = Some(Flow { rate, new_behind, gone_before });
         shown.plots.push(flow_plot(&rows, &rate)?);
+        Ok(())
+    }
+
+    /// Means of the history; none without a wall that turns and without stresses.
+    fn make_means(&self, source: Source, shown: &mut Shown) -> Result<(), MeasureError> {
+        let found = means(source.history, source.walls, self.window);
+        // The window may be meant for the flow alone.
+        let found = if self.flow.is_some() { found.unwrap_or_default() } else { found? };
+        shown.text.extend(found.iter().map(Mean::line));
+        shown.of_run.means = found;
+        let path = stress_path(source.history, source.walls);
+        if path.iter().any(|at| at != &path[0]) {
+            shown.plots.push(path_plot(&path)?);
+        }
         Ok(())
     }
 }
@@ -250,8 +297,15 @@ fn make_slope(
     out: &Path,
     shown: &mut Shown,
 ) -> Result<(), MeasureError> {
-    let rows = of_each(source, "slope", shown, |reader, region| Slope::of(reader, region, along))?;
+    let mut last = None;
+    let rows = of_each(source, "slope", shown, |reader, region| {
+        let surface = Surface::of(reader, region, along)?;
+        Ok(last.insert(surface).slope)
+    })?;
     write_rows(&out.join("slope.csv"), &rows)?;
+    if let Some(surface) = &last {
+        shown.plots.push(surface_plot(surface, along)?);
+    }
     if let Some(last) = rows.last() {
         let _ = writeln!(
             shown.text,
@@ -272,7 +326,75 @@ fn make_slope(
             points,
         )?);
     }
+    shown.slopes = rows;
     Ok(())
+}
+
+/// Columns of a surface, and the line whose slope is the angle, both axes at one scale.
+fn surface_plot(surface: &Surface, along: Direction) -> Result<Plot, PlotError> {
+    /// Largest number of columns drawn.
+    const MOST: usize = 1500;
+    /// Width over height of the area between the axes [-].
+    const SHAPE: f64 = 472.0 / 274.0;
+    let x_label = match along {
+        Direction::X => "x (m)",
+        Direction::Y => "y (m)",
+        Direction::Radial => "distance from the middle (m)",
+    };
+    let columns = &surface.columns;
+    let points: Vec<_> =
+        columns.iter().step_by(columns.len().div_ceil(MOST).max(1)).copied().collect();
+    let [x, z] = [span(columns.iter().map(|at| at.0)), span(columns.iter().map(|at| at.1))];
+    let half = (0.5 * (z.end - z.start)).max(0.5 * (x.end - x.start) / SHAPE);
+    let around = |range: std::ops::Range<f64>, half: f64| {
+        let middle = 0.5 * (range.start + range.end);
+        middle - half..middle + half
+    };
+    let axes = linear(x_label, "z (m)", around(x, half * SHAPE), around(z, half));
+    let tops = Series { name: "tops of columns".into(), colour: BLUE, mark: Mark::Dots, points };
+    let line = Series {
+        name: format!("{:.1} degrees", surface.slope.angle_degrees),
+        colour: VERMILION,
+        mark: Mark::Line,
+        points: surface.line.to_vec(),
+    };
+    Ok(Plot {
+        name: "surface".into(),
+        title: "Free surface".into(),
+        caption: "Tops of the columns of the last snapshot. The line is fitted between foot and top. Both axes have one \
+                  scale."
+            .into(),
+        width: Width::Half,
+        svg: chart(SIZE, &axes, &[tops, line])?,
+    })
+}
+
+/// Deviatoric against mean stress over the run.
+fn path_plot(path: &[(f64, f64)]) -> Result<Plot, PlotError> {
+    /// Largest number of points drawn.
+    const MOST: usize = 800;
+    let points: Vec<_> =
+        path.iter().step_by(path.len().div_ceil(MOST)).chain(path.last()).copied().collect();
+    let axes = linear(
+        "mean stress p (Pa)",
+        "deviatoric stress q (Pa)",
+        span(path.iter().map(|at| at.0)),
+        span(path.iter().map(|at| at.1)),
+    );
+    let end = Series {
+        name: "end".into(),
+        colour: VERMILION,
+        mark: Mark::Dots,
+        points: path.last().into_iter().copied().collect(),
+    };
+    let line = Series { name: String::new(), colour: BLUE, mark: Mark::Line, points };
+    Ok(Plot {
+        name: "stress_path".into(),
+        title: "Stress path".into(),
+        caption: "Deviatoric against mean stress, from history.csv.".into(),
+        width: Width::Half,
+        svg: chart(SIZE, &axes, &[line, end])?,
+    })
 }
 
 /// Cumulative flow, and the line whose slope is the rate.
@@ -377,7 +499,7 @@ fn of_each<T>(
     {
         return Err(error);
     }
-    shown.text += &super::series::left_out(name, &left_out, source.snapshots.len());
+    shown.notes.extend(super::series::left_out(name, &left_out, source.snapshots.len()));
     Ok(made)
 }
 

@@ -22,7 +22,7 @@ use crate::math::Vec3;
 use crate::output::header::Header;
 use crate::output::snapshot::Reader;
 use crate::output::tables::ParticleTable;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::str::FromStr;
 
@@ -51,7 +51,7 @@ impl FromStr for Groups {
 }
 
 /// Mixing of a snapshot.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mixing {
     /// Step of the snapshot.
     pub step: u64,

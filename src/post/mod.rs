@@ -15,7 +15,7 @@
 //! |---|---|
 //! | [`region`] | the measured region; volume, solid fraction, strain |
 //! | [`stress`] [`coordination`] [`fabric`] [`forces`] | one measure each |
-//! | [`report`] | the numbers of a snapshot, as JSON, as a row of CSV, and as text |
+//! | [`report`] `rows` | the numbers of a snapshot, as JSON, as a row of CSV, and as text |
 //! | [`series`] | the snapshots of a run, one after the other |
 //! | [`history`] | the scalars of a run by time, written by the run |
 //! | [`measures`] [`errors`] | measures on request, and the errors that prevent them: |
@@ -47,10 +47,13 @@ pub mod forces;
 pub mod grid;
 pub mod history;
 pub mod lammps;
+pub mod means;
+pub mod measured;
 pub mod measures;
 pub mod mixing;
 pub mod region;
 pub mod report;
+mod rows;
 pub mod series;
 pub mod shown;
 pub mod slope;
@@ -271,7 +274,7 @@ impl<'a> ParticlePass<'a> {
             },
             members: Members::new(settings.region),
             mean_force: MeanForceSum::new(settings.among),
-            picture: Picture::default(),
+            picture: Picture::of(header, settings.region == Region::Whole),
         })
     }
 

@@ -3,12 +3,16 @@
 use super::coordination::Coordination;
 use super::fabric::{Among, Degrees, Fabric, ForceFabric, Rose, degree};
 use super::forces::Forces;
+use super::measured::Measured;
 use super::region::{Bounds, Region, Slide, Strain, doubts, enclosed, slides};
+use super::rows::rows;
 use super::stress::{Principal, Stress, on_walls, shear_over_normal};
 use super::sums::quotient;
 use crate::math::Vec3;
 use crate::output::header::Header;
 use serde::{Deserialize, Serialize};
+
+pub use super::rows::{Group, Row, readable};
 
 /// All results for one snapshot. Values without meaning (a mean over nothing) are null.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +55,9 @@ pub struct Report {
     pub rose: Rose,
     /// Distributions of forces over the mean normal force.
     pub forces: Option<Forces>,
+    /// Results of requested measures, and means over a window.
+    #[serde(default)]
+    pub measured: Measured,
 }
 
 /// Numbers of a snapshot: one row of the table. Keys end in their unit; those without a unit are counts or ratios.
@@ -294,6 +301,7 @@ impl Report {
             force_fabric,
             rose: parts.rose,
             forces,
+            measured: Measured::default(),
         }
     }
 
@@ -318,7 +326,7 @@ impl Report {
         self.summary.shear_strain = largest.filter(|&strain| strain > 0.0);
     }
 
-    /// The main numbers in groups, for the terminal and the page.
+    /// The main numbers in groups, for the terminal and the page. Numbers without a value are left out.
     pub fn groups(&self) -> Vec<Group> {
         let s = &self.summary;
         let mean_force = if self.walls_in_fabric {
@@ -326,13 +334,13 @@ impl Report {
         } else {
             "mean normal force between particles"
         };
-        vec![
+        let groups = [
             Group {
-                title: "Packing",
-                rows: vec![
-                    Row::count("particles", s.particles as f64),
-                    Row::count("contacts between particles", s.contacts_between_particles),
-                    Row::count("contacts with walls", s.contacts_with_walls as f64),
+                title: "Packing".into(),
+                rows: rows([
+                    Some(Row::count("particles", s.particles as f64)),
+                    Some(Row::count("contacts between particles", s.contacts_between_particles)),
+                    Some(Row::count("contacts with walls", s.contacts_with_walls as f64)),
                     Row::number("height", s.height_m, "m"),
                     Row::number("volume", s.volume_m3, "m³"),
                     Row::number("solid fraction", s.solid_fraction, ""),
@@ -340,11 +348,11 @@ impl Report {
                     Row::number("axial strain, shorter positive", s.axial_strain, ""),
                     Row::number("volumetric strain, denser positive", s.volumetric_strain, ""),
                     Row::number("shear strain", s.shear_strain, ""),
-                ],
+                ]),
             },
             Group {
-                title: "Stress (compression positive)",
-                rows: vec![
+                title: "Stress (compression positive)".into(),
+                rows: rows([
                     Row::number("mean stress p", s.p_pa, "Pa"),
                     Row::number("deviatoric stress q", s.q_pa, "Pa"),
                     Row::number("q / p", s.q_over_p, ""),
@@ -362,11 +370,11 @@ impl Report {
                     Row::number("asymmetry of σ", s.stress_asymmetry, ""),
                     Row::number("inertial number", s.inertial_number, ""),
                     Row::number("unbalanced force ratio", s.unbalanced_force_ratio, ""),
-                ],
+                ]),
             },
             Group {
-                title: "Coordination",
-                rows: vec![
+                title: "Coordination".into(),
+                rows: rows([
                     Row::number("mean Z, particles", s.coordination, ""),
                     Row::number("mean Z, with walls", s.coordination_with_walls, ""),
                     Row::number("mechanical Z, particles", s.mechanical_coordination, ""),
@@ -375,13 +383,13 @@ impl Report {
                         s.mechanical_coordination_with_walls,
                         "",
                     ),
-                    Row::count("rattlers, particles", s.rattlers as f64),
-                    Row::count("rattlers, with walls", s.rattlers_with_walls as f64),
-                ],
+                    Some(Row::count("rattlers, particles", s.rattlers as f64)),
+                    Some(Row::count("rattlers, with walls", s.rattlers_with_walls as f64)),
+                ]),
             },
             Group {
-                title: "Anisotropy and forces",
-                rows: vec![
+                title: "Anisotropy and forces".into(),
+                rows: rows([
                     Row::number("normals a_c", s.a_c, ""),
                     Row::number("normal forces a_n", s.a_n, ""),
                     Row::number("shear forces a_t", s.a_t, ""),
@@ -393,69 +401,11 @@ impl Report {
                     Row::number("contacts below 0.3 mean", s.share_below_0_3_mean, "%"),
                     Row::number("contacts below mean", s.share_below_mean, "%"),
                     Row::number("mean friction used, |f_t| / f_n", s.mean_friction_used, ""),
-                ],
+                ]),
             },
-        ]
+        ];
+        groups.into_iter().filter(|group| !group.rows.is_empty()).collect()
     }
-}
-
-/// A group of numbers.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Group {
-    /// Title of the group.
-    pub title: &'static str,
-    /// Numbers of the group.
-    pub rows: Vec<Row>,
-}
-
-/// A number as text.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Row {
-    /// Name of the number.
-    pub label: &'static str,
-    /// Value, or a dash without one.
-    pub value: String,
-    /// Unit, perhaps with a prefix; empty for a ratio.
-    pub unit: String,
-}
-
-impl Row {
-    fn count(label: &'static str, value: f64) -> Self {
-        Self { label, value: grouped(value), unit: String::new() }
-    }
-
-    fn number(label: &'static str, value: Option<f64>, unit: &str) -> Self {
-        let Some(value) = value else {
-            return Self { label, value: "–".into(), unit: String::new() };
-        };
-        let (value, unit) = match unit {
-            "Pa" | "N" => prefixed(value, unit),
-            "%" => (value * 100.0, "%".to_string()),
-            _ => (value, unit.to_string()),
-        };
-        Self { label, value: readable(value), unit }
-    }
-}
-
-/// The value with a unit prefix that leaves one to three digits before the point.
-fn prefixed(value: f64, unit: &str) -> (f64, String) {
-    let prefixes = [(1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ")];
-    let fit = prefixes.iter().find(|(scale, _)| value.abs() >= *scale);
-    let (scale, prefix) = if value == 0.0 { (1.0, "") } else { *fit.unwrap_or(&(1e-9, "n")) };
-    (value / scale, format!("{prefix}{unit}"))
-}
-
-/// The value with four significant digits, with a power of ten if it is very large or small.
-pub fn readable(value: f64) -> String {
-    let size = value.abs();
-    if size == 0.0 {
-        return "0".into();
-    }
-    if !(1e-4..1e6).contains(&size) {
-        return format!("{value:.3e}");
-    }
-    let decimals = (3 - size.log10().floor() as i32).max(0) as usize;
-    format!("{value:.decimals$}")
 }
 
 /// CSV with the names of the fields as header; empty without rows.
@@ -469,20 +419,4 @@ pub fn csv<T: Serialize>(rows: impl IntoIterator<Item = T>) -> Result<String, cs
     }
     let bytes = table.into_inner().map_err(|e| csv::Error::from(e.into_error()))?;
     Ok(String::from_utf8_lossy(&bytes).into_owned())
-}
-
-/// A count with separated thousands, and one half if there is one.
-fn grouped(value: f64) -> String {
-    let digits = (value.floor() as u64).to_string();
-    let mut out = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            out.push('\u{2009}');
-        }
-        out.push(digit);
-    }
-    if value.fract() != 0.0 {
-        out.push_str(".5");
-    }
-    out
 }

@@ -14,7 +14,7 @@ use super::pieces;
 use super::region::{Margin, Region, Turned};
 use crate::math::Vec3;
 use crate::output::snapshot::Reader;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Direction in which the surface falls.
@@ -29,7 +29,7 @@ pub enum Direction {
 }
 
 /// Surface of a snapshot.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Slope {
     /// Step of the snapshot.
     pub step: u64,
@@ -48,7 +48,19 @@ pub struct Slope {
 /// Shares of the height between which the line is fitted.
 const FITTED: [f64; 2] = [0.2, 0.8];
 
-impl Slope {
+/// Columns of a surface with the fitted line. The first number is x, y, or the distance from the middle [m], the second the
+/// height [m].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surface {
+    /// Numbers of the surface.
+    pub slope: Slope,
+    /// Top of each column.
+    pub columns: Vec<(f64, f64)>,
+    /// Both ends of the line.
+    pub line: [(f64, f64); 2],
+}
+
+impl Surface {
     /// Surface of a snapshot; with a region, of the particles with centres in it.
     ///
     /// # Errors
@@ -97,20 +109,23 @@ impl Slope {
             let at = match along {
                 Direction::X => place.x,
                 Direction::Y => place.y,
-                // Decreases with the distance, so that rising towards the middle is positive.
-                Direction::Radial => -(place.x - middle.x).hypot(place.y - middle.y),
+                Direction::Radial => (place.x - middle.x).hypot(place.y - middle.y),
             };
             (at, top)
         });
-        let fit = Fit::of(&points.collect::<Vec<_>>(), width)?;
-        Ok(Self {
+        let columns: Vec<_> = points.collect();
+        let fit = Fit::of(&columns, width)?;
+        // Rising towards the middle is positive.
+        let sign = if along == Direction::Radial { -1.0 } else { 1.0 };
+        let slope = Slope {
             step: header.step,
             time_s: header.time,
-            angle_degrees: fit.slope.atan().to_degrees(),
+            angle_degrees: (sign * fit.slope).atan().to_degrees(),
             height_m: fit.height,
             scatter_m: fit.scatter,
             columns: fit.columns as u64,
-        })
+        };
+        Ok(Self { slope, columns, line: fit.line })
     }
 }
 
@@ -129,6 +144,8 @@ struct Fit {
     height: f64,
     scatter: f64,
     columns: usize,
+    /// Both ends.
+    line: [(f64, f64); 2],
 }
 
 impl Fit {
@@ -159,7 +176,10 @@ impl Fit {
         let (slope, offset) = line(&fitted);
         let off = fitted.iter().map(|(x, y)| (y - offset - slope * x).powi(2));
         let scatter = (off.sum::<f64>() / fitted.len() as f64).sqrt();
-        Ok(Self { slope, height: high - low, scatter, columns: fitted.len() })
+        let ends = |of: fn(f64, f64) -> f64| fitted.iter().map(|column| column.0).reduce(of);
+        let line = [ends(f64::min), ends(f64::max)].map(Option::unwrap_or_default);
+        let line = line.map(|at| (at, offset + slope * at));
+        Ok(Self { slope, height: high - low, scatter, columns: fitted.len(), line })
     }
 }
 

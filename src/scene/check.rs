@@ -742,11 +742,31 @@ impl Limit {
                 .fail("no contact has a stiffness, so there is no stable limit: give a number [s]");
             return None;
         };
-        Some(own_step(limit.dt))
+        let step = own_step(limit.dt);
+        if step.is_normal() {
+            return Some(step);
+        }
+        given.fail(self.out_of_range(limit, library));
+        None
+    }
+
+    /// Error for a limit that is no positive number.
+    fn out_of_range(&self, limit: &TimeStepLimit, library: &Library) -> String {
+        format!(
+            "the stable limit of shape `{}` is {:e} s, out of the range of numbers: check its `density`, size and stiffness",
+            library.names[limit.shape.index()],
+            limit.dt
+        )
     }
 
     fn check(&self, section: &Section, time: &Time, library: &Library) {
         let Some(limit) = &self.limit else { return };
+        if !limit.dt.is_normal()
+            && !time.allow_unstable
+            && let Some(given) = section.get("step")
+        {
+            given.fail(self.out_of_range(limit, library));
+        }
         if time.dt > limit.dt
             && !time.allow_unstable
             && let Some(given) = section.get("step")

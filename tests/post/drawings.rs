@@ -3,6 +3,7 @@
 
 use super::fabric::contacts_with;
 use super::plots::views;
+use super::region::add_wall;
 use crate::support::packings::{Snapshot, ellipsoids, header, particles_at};
 use crate::support::random::Draw;
 use dem_mpi::math::{Quat, Vec3};
@@ -15,6 +16,8 @@ use dem_mpi::post::picture::side_by_side;
 use dem_mpi::post::region::Bounds;
 use dem_mpi::post::{Report, Settings, panels, plots, rose};
 use dem_mpi::random::Random;
+use dem_mpi::shape::triangle_mesh::TriangleMesh;
+use dem_mpi::walls::Wall;
 use std::fmt::Write;
 
 const BLUE_OF_SVG: &str = "#0072B2";
@@ -231,6 +234,21 @@ fn charts_show_what_they_are_given() {
         assert!(
             ["way (m)", "force (N)"].iter().all(|l| chart.labels.iter().any(|other| other == l))
         );
+    }
+    // Points show their values, also those of a bar; lines across a chart and crowded charts do not.
+    let (axes, many) =
+        (linear("way (m)", "force (N)", 0.0..8.0, 0.0..100.0), vec![(1.0, 2.0); 501]);
+    let one = chart(SIZE, &axes, &[series("up", BLUE, Mark::Line, &rising)]).unwrap();
+    let titles: Vec<&str> =
+        elements(&one).iter().filter(|e| e.tag == "title").map(|e| e.text).collect();
+    assert_eq!(titles.len(), 4);
+    assert_eq!(titles[1], "up: way (m) 2.000, force (N) 0.4000");
+    let circles = Chart::read(&one).dots;
+    for ((_, found), expected) in circles.iter().zip(rising) {
+        Chart::read(&one).are(&[*found], &[expected]);
+    }
+    for unmarked in [series("", BLUE, Mark::Line, &many), series("", BLUE, Mark::Rule, &rising)] {
+        assert!(!chart(SIZE, &axes, &[unmarked]).unwrap().contains("<title>"));
     }
     let bars = series("", BLUE, Mark::Bars(0.5, 0.25), &[(1.0, 3.0), (2.0, 8.0)]);
     let drawn = Chart::read(&chart(SIZE, &linear("x", "y", 0.0..4.0, 0.0..10.0), &[bars]).unwrap());
@@ -620,4 +638,92 @@ fn pictures_side_by_side_have_one_scale() {
         .map(|e| e.text.to_owned())
         .collect();
     assert_eq!(titles, ["4 m", "9 m"]);
+}
+
+/// Ends of the drawn lines of walls [px].
+fn walls_of(svg: &str) -> Vec<[f64; 4]> {
+    let all = elements(svg);
+    let drawn = all.iter().filter(|e| e.attribute("class") == "walls");
+    let lines = drawn.flat_map(|e| e.attribute("d").split('M').skip(1));
+    let line = |line: &str| {
+        let numbers = line.split([' ', 'L']).map(|number| number.parse().unwrap());
+        numbers.collect::<Vec<f64>>().try_into().unwrap()
+    };
+    lines.map(line).collect()
+}
+
+/// A ball with a wall, in a box that is smaller than the wall: the picture and the view of its velocities.
+fn beside_a_wall(wall: &Wall, bounds: &Bounds) -> [String; 2] {
+    let mut snapshot = Snapshot {
+        header: header(Vec3::repeat(-0.5), Vec3::repeat(0.5), false, Vec3::repeat(1e-3), 1),
+        particles: particles_at(vec![Vec3::new(0.0, 0.0, -5e-3)]),
+        contacts: ContactTable::default(),
+    };
+    snapshot.particles.velocity = vec![Vec3::x()];
+    add_wall(&mut snapshot.header, wall);
+    let picture = snapshot.analyse(Settings::default()).unwrap().picture.svg(Some(bounds));
+    let plots = views(&snapshot, bounds).plots().unwrap();
+    let field = plots.into_iter().find(|plot| plot.name == "velocity_field").expect("it moves");
+    [picture, field.svg]
+}
+
+/// Outlines of cylinders are at their places: a circle seen along the axis, else two sides and both rims.
+#[test]
+fn walls_are_drawn_where_they_are() {
+    let cylinder = |half: Vec3| {
+        let surface = TriangleMesh::of_revolution(&-half, &half, [0.01; 2]);
+        Wall::of_mesh("drum".to_owned(), Vec3::zeros(), surface)
+    };
+    let bounds = Bounds { low: Vec3::repeat(-0.01), high: Vec3::new(0.01, 0.01, 0.0) };
+    // 2 cm are 720 pixels beside 12, or 420 beside 14.
+    let views = [(36_000.0, 372.0), (21_000.0, 224.0)];
+    for (svg, (scale, middle)) in
+        beside_a_wall(&cylinder(Vec3::y() * 0.03), &bounds).iter().zip(views)
+    {
+        let lines = walls_of(svg);
+        assert!(lines.len() > 50, "{}", lines.len());
+        let mut highest: f64 = 0.0;
+        for [x, y] in lines.as_flattened().as_chunks::<2>().0 {
+            assert!(((x - middle).hypot(y - middle) - 0.01 * scale).abs() < 0.1, "{x} {y}");
+            highest = highest.max(middle - y);
+        }
+        assert!((highest - 0.01 * scale).abs() < 0.1, "the drawing reaches to the top: {highest}");
+    }
+    for (svg, (scale, middle)) in
+        beside_a_wall(&cylinder(Vec3::z() * 0.008), &bounds).iter().zip(views)
+    {
+        // The drawing is 2 cm wide and 1.8 cm high.
+        let [top, bottom] = [0.0, 0.016].map(|z| z * scale + middle - 0.01 * scale);
+        let [left, right] = [-0.01, 0.01].map(|x| middle + x * scale);
+        let near = |a: f64, b: f64| (a - b).abs() < 0.1;
+        let mut sides = Vec::new();
+        for [x0, y0, x1, y1] in walls_of(svg) {
+            let is_rim = near(y0, y1) && (near(y0, top) || near(y0, bottom));
+            if !is_rim {
+                assert!(
+                    near(x0, x1) && near((y1 - y0).abs(), 0.016 * scale),
+                    "{x0} {y0} {x1} {y1}"
+                );
+                sides.push(x0);
+            }
+        }
+        sides.sort_by(f64::total_cmp);
+        assert!(sides.len() == 2 && near(sides[0], left) && near(sides[1], right), "{sides:?}");
+    }
+    // Two slanted planes of a trough meet at its bottom; a plane that faces the viewer is not a line.
+    let planes = [Vec3::new(0.6, 0.0, 0.8), Vec3::new(-0.6, 0.0, 0.8), Vec3::new(0.0, 0.6, 0.8)];
+    let planes = planes.map(|normal| (Vec3::z() * -8e-3, normal));
+    let trough = Wall::of_planes("trough".to_owned(), Vec3::zeros(), &planes);
+    let [svg, _] = beside_a_wall(&trough, &bounds);
+    let scale = 36_000.0;
+    let lines = walls_of(&svg);
+    assert_eq!(lines.len(), 2);
+    for [x0, y0, x1, y1] in lines {
+        let at = |x: f64, y: f64| [x - 372.0, 12.0 - y].map(|pixels| pixels / scale);
+        let mut ends = [at(x0, y0), at(x1, y1)];
+        ends.sort_by(|a, b| a[1].total_cmp(&b[1]));
+        let [low, high] = ends;
+        assert!(low[0].abs() < 1e-5 && (low[1] + 8e-3).abs() < 1e-5, "{low:?}");
+        assert!((high[1] - low[1] - 0.75 * high[0].abs()).abs() < 1e-5, "{high:?}");
+    }
 }

@@ -13,7 +13,7 @@ use dem_mpi::post::fields::{Fields, Smoothing, Weight};
 use dem_mpi::post::flow::{CumulativeFlow, Plane, Rate, Window, through_plane};
 use dem_mpi::post::mixing::{Groups, Members, Mixing};
 use dem_mpi::post::region::{Bounds, Margin, Region};
-use dem_mpi::post::slope::{Direction, Slope};
+use dem_mpi::post::slope::{Direction, Surface};
 use dem_mpi::post::{Settings, analyse};
 use dem_mpi::random::Random;
 use std::f64::consts::PI;
@@ -532,11 +532,11 @@ fn the_slope_of_a_cone_is_found() {
         let cone =
             steep(degrees, &|x, y, tangent| (28e-3 - (x - middle).hypot(y - middle)) * tangent);
         let (_cone, reader) = stored(&cone);
-        let slope = Slope::of(&reader, Region::Whole, Direction::Radial).unwrap();
+        let slope = Surface::of(&reader, Region::Whole, Direction::Radial).unwrap().slope;
         assert!((slope.angle_degrees - degrees).abs() < 0.7, "{degrees}: {slope:?}");
         let wedge = steep(degrees, &|_, y, tangent| (2e-3 + y).min(0.03) * tangent);
         let (_wedge, reader) = stored(&wedge);
-        let slope = Slope::of(&reader, Region::Whole, Direction::Y).unwrap();
+        let slope = Surface::of(&reader, Region::Whole, Direction::Y).unwrap().slope;
         assert!((slope.angle_degrees - degrees).abs() < 0.7, "{degrees}: {slope:?}");
     }
     // A ball in the air beyond the foot does not belong to the surface.
@@ -546,7 +546,7 @@ fn the_slope_of_a_cone_is_found() {
         let mut heap = balls(Vec3::repeat(0.07), false, places);
         heap.particles.coordination = vec![3; cone.particles.id.len()];
         heap.particles.coordination.extend(thrown.map(|_| 0));
-        Slope::of(&stored(&heap).1, Region::Whole, Direction::Radial).unwrap()
+        Surface::of(&stored(&heap).1, Region::Whole, Direction::Radial).unwrap().slope
     };
     let alone = slope_with(None);
     assert!((alone.angle_degrees - 25.0).abs() < 0.7, "{alone:?}");
@@ -571,9 +571,22 @@ fn the_slope_of_a_cone_is_found() {
     let said = String::from_utf8_lossy(&made.stdout);
     assert!(said.contains("slope: 1 of 2 snapshots are left out"), "{made:?}");
     assert!(said.contains("slope: 25."), "{made:?}");
+    // The newest snapshot alone has its angle on the page, above its picture, and in the report.
+    let mut dem_post = Command::new(env!("CARGO_BIN_EXE_dem-post"));
+    let made = dem_post.arg(folder.path()).args(["--slope", "radial"]).output().unwrap();
+    let said = String::from_utf8_lossy(&made.stdout);
+    let read = |file| std::fs::read_to_string(folder.path().join("post").join(file)).unwrap();
+    let (reports, page) = (read("report.json"), read("index.html"));
+    let reports: serde_json::Value = serde_json::from_str(&reports).unwrap();
+    let angle = reports[0]["measured"]["slope"]["angle_degrees"].as_f64().unwrap();
+    assert!(said.contains(&format!("slope: {angle:.1} degrees")), "{said}");
+    let place = |text: &str| page.find(text).unwrap_or_else(|| panic!("no {text}"));
+    let row = place(&format!("slope</th><td>{angle:.1}</td><td>degrees</td>"));
+    assert!(row < place("id=\"surface\"") && place("id=\"surface\"") < place("id=\"packing\""));
+    assert!(page.contains(&format!("\n{angle:.1} degrees\n</text>")), "the line has its angle");
     let mut tilted = balls(Vec3::repeat(0.07), false, vec![Vec3::repeat(0.01)]);
     tilted.header.gravity.x = 1.0;
-    let refused = Slope::of(&stored(&tilted).1, Region::Whole, Direction::X).unwrap_err();
+    let refused = Surface::of(&stored(&tilted).1, Region::Whole, Direction::X).unwrap_err();
     assert!(refused.to_string().contains("along -z"), "{refused}");
 }
 
@@ -589,7 +602,7 @@ fn a_slope_is_fitted_between_foot_and_top() {
         Vec3::new((strip as f64 + 0.5) * DIAMETER, (side + 0.5) * DIAMETER, z)
     });
     let (_folder, reader) = stored(&balls(Vec3::repeat(0.07), false, places.collect()));
-    let slope = Slope::of(&reader, Region::Whole, Direction::X).unwrap();
+    let slope = Surface::of(&reader, Region::Whole, Direction::X).unwrap().slope;
     assert_eq!(slope.columns, 10);
     close(slope.angle_degrees.to_radians().tan(), 0.145 * height / DIAMETER, 1e-12, "slope");
     close(slope.height_m / height, 1.0, 1e-12, "height");
@@ -711,7 +724,7 @@ fn the_program_makes_measures_and_refuses_what_is_none() {
         (&["--flow", "outlet:up"], "no outlet `up`; it has: below"),
         (&["--flow", "outlet:below", "--window", "0.2,0.1"], "the earlier first"),
         (&["--flow", "outlet:below", "--window", "0.15,0.3"], "1 rows in the window"),
-        (&["--window", "0,1"], "--flow"),
+        (&["--window", "0,1"], "nothing to average in the window"),
     ] {
         let (status, _, message) = run(arguments);
         assert_eq!(status, Some(2), "{arguments:?}: {message}");

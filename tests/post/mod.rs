@@ -4,6 +4,7 @@ mod drawings;
 mod fabric;
 mod files;
 mod forms;
+mod means;
 mod measures;
 mod pieces;
 mod plots;

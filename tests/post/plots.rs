@@ -11,9 +11,10 @@ use dem_mpi::output::header::{Header, WallRow};
 use dem_mpi::output::tables::{ContactTable, ParticleTable};
 use dem_mpi::post::draw::{BLUE, Mark, SIZE, Series, chart, linear};
 use dem_mpi::post::history::History;
+use dem_mpi::post::page::{self, Page, Section};
 use dem_mpi::post::region::{Bounds, Region};
 use dem_mpi::post::views::{Layer, Views};
-use dem_mpi::post::{Settings, page, panels, plots};
+use dem_mpi::post::{Settings, panels, plots};
 use dem_mpi::walls::Wall;
 
 pub(super) fn views(snapshot: &Snapshot, bounds: &Bounds) -> Views {
@@ -35,10 +36,45 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     let history = History::read(history.as_bytes()).unwrap();
     let views = reports[0].bounds_m.map(|bounds| views(snapshot, &bounds));
     let walls = &snapshot.header.walls;
-    let plots = page::plots(&reports, picture, views.as_ref(), &history, walls, &[]).unwrap();
-    let mut drawings: Vec<_> = plots.iter().map(|p| (p.name.clone(), p.svg.clone())).collect();
-    drawings.push(("page".into(), page::page("a <title>", &reports, &plots)));
+    let sections =
+        page::sections(&reports, None, picture, views.as_ref(), &history, walls, &[]).unwrap();
+    let page = Page {
+        title: "a <title>",
+        command: "",
+        warnings: &[],
+        reports: &reports,
+        requested: &[],
+        sections: &sections,
+    };
+    let mut drawings: Vec<_> = page.plots().map(|p| (p.name.clone(), p.svg.clone())).collect();
+    drawings.push(("page".into(), page.html()));
     drawings
+}
+
+/// Texts of a drawing.
+fn texts(svg: &str) -> Vec<&str> {
+    svg.split("</text>").filter_map(|part| part.rsplit('>').next()).map(str::trim).collect()
+}
+
+/// Ticks close to each other, far from 0, have the digits in which they differ.
+#[test]
+fn neighbouring_ticks_have_different_labels() {
+    for (low, high, some) in [
+        (123_400.0, 124_000.0, "1.236·10⁵"),
+        (0.250_000_1, 0.250_000_6, "0.2500003"),
+        (99_999.0, 100_002.0, "1·10⁵"),
+    ] {
+        let points = vec![(0.0, low), (1.0, high)];
+        let line = Series { name: String::new(), colour: BLUE, mark: Mark::Line, points };
+        let svg = chart(SIZE, &linear("x", "y", 0.0..1.0, low..high), &[line]).unwrap();
+        let mut labels = texts(&svg);
+        assert!(labels.contains(&some), "{labels:?}");
+        labels.retain(|label| label.len() > 3);
+        let before = labels.len();
+        labels.sort_unstable();
+        labels.dedup();
+        assert!(before > 2 && before == labels.len(), "{labels:?}");
+    }
 }
 
 /// Sums of steps between ticks give about 1e-17 in place of 0, but the label is 0.
@@ -51,8 +87,7 @@ fn zero_is_labelled_zero() {
             let line = Series { name: String::new(), colour: BLUE, mark: Mark::Line, points };
             let svg =
                 chart(SIZE, &linear("x", "y", range.clone(), range.clone()), &[line]).unwrap();
-            let labels = svg.split("</text>").filter_map(|part| part.rsplit('>').next());
-            let labels: Vec<_> = labels.map(str::trim).collect();
+            let labels = texts(&svg);
             let is_hair = |label: &&&str| ["⁻¹", "⁻²"].iter().any(|power| label.contains(power));
             assert_eq!(labels.iter().find(is_hair), None, "{range:?}: {labels:?}");
             assert!(labels.contains(&"0"), "{range:?}: {labels:?}");
@@ -99,7 +134,61 @@ fn plots_are_finite_for_empty_tiny_and_usual_snapshots() {
     }
     let (_, page) = drawn(&usual, steep).pop().unwrap();
     assert!(page.contains("<title>a &lt;title&gt;</title>"));
-    assert!(!page.contains("<script") && !page.contains("href="));
+    assert!(!page.contains("<script") && !page.contains("src="));
+    let mut links = page.split("href=\"").skip(1).map(|rest| rest.split('"').next().unwrap());
+    let is_there = |link: &str| {
+        link.strip_prefix('#').is_some_and(|id| page.contains(&format!(" id=\"{id}\"")))
+    };
+    assert_eq!(links.find(|link| !is_there(link)), None);
+}
+
+/// Results stand before plots and plots before tables, as in the list of contents. Nothing is empty.
+#[test]
+fn the_page_begins_with_what_was_requested() {
+    let snapshot = ellipsoids(3, 8);
+    let mut report = snapshot.report();
+    report.summary.q_pa = None;
+    let reports = vec![report; 3];
+    let history = History::read("time,energy\n0,1\n1,2\n".as_bytes()).unwrap();
+    let mut sections = page::sections(
+        &reports,
+        Some("<svg></svg>".into()),
+        "<svg></svg>".into(),
+        None,
+        &history,
+        &[],
+        &[],
+    )
+    .unwrap();
+    let requested = sections[2].plots.clone();
+    sections.push(Section { title: "Nothing", plots: Vec::new() });
+    let page = Page {
+        title: "falling",
+        command: "",
+        warnings: &[],
+        reports: &reports,
+        requested: &requested,
+        sections: &sections,
+    };
+    let html = page.html();
+    let expected =
+        ["Results", "Series", "Last snapshot", "History of the run", "Numbers", "All snapshots"];
+    let headings = |begin: &str, end: &str| -> Vec<String> {
+        let parts = html.split(begin).skip(1);
+        parts.map(|part| part.split(end).next().unwrap().to_owned()).collect()
+    };
+    assert_eq!(headings("<h2>", "</h2>"), expected);
+    let links = headings("<a href=\"#section-", "</a>");
+    let titles: Vec<_> = links.iter().filter_map(|link| link.split('>').nth(1)).collect();
+    assert_eq!(titles, expected);
+    let place = |text: &str| html.find(text).unwrap_or_else(|| panic!("no {text}"));
+    assert!(place("id=\"snapshots\"") < place("id=\"stress_ratio\""));
+    assert!(place("<nav>") < place("id=\"history_energy\""));
+    assert!(place("id=\"history_energy\"") < place("id=\"packing\""));
+    assert!(place("id=\"packing\"") < place("<table>"));
+    // Rows and columns without any value are left out.
+    assert!(!html.contains("<td>–</td>") && !html.contains("deviatoric stress q"));
+    assert!(html.contains("mean stress p") && !html.contains("shear strain"));
 }
 
 #[test]
@@ -158,6 +247,9 @@ fn walls_that_turn_have_no_load() {
         "torque_flap_x_N_m",
         "power_flap_W",
         "angular_velocity_flap_y_rad_per_s",
+        "left_Big_hole_kg",
+        "entered_top",
+        "mean_m_per_s",
     ];
     let rows = [0, 1].map(|row| columns.map(|_| row.to_string()).join(","));
     let table = format!("time_s,{}\n0,{}\n1,{}\n", columns.join(","), rows[0], rows[1]);
@@ -173,12 +265,15 @@ fn walls_that_turn_have_no_load() {
         .clone()
     };
     for (title, unit) in [
-        ("Torque flap x", "torque flap x (N m)"),
-        ("Power flap", "power flap (W)"),
-        ("Turned flap x", "turned flap x (rad)"),
-        ("Angular velocity flap y", "angular velocity flap y (rad/s)"),
-        ("Force flap z", "force flap z (N)"),
-        ("Force trough x", "force trough x (N)"),
+        ("Torque on flap about x", "torque on flap about x (N m)"),
+        ("Power of flap", "power of flap (W)"),
+        ("Rotation of flap about x", "rotation of flap about x (rad)"),
+        ("Angular velocity of flap about y", "angular velocity of flap about y (rad/s)"),
+        ("Force on flap along z", "force on flap along z (N)"),
+        ("Force on trough along x", "force on trough along x (N)"),
+        ("Mass left through Big hole", "mass left through Big hole (kg)"),
+        ("Particles entered through top", "particles entered through top"),
+        ("Mean", "mean (m/s)"),
     ] {
         assert!(unit_of(title).contains(unit), "{title}");
     }

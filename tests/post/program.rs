@@ -11,8 +11,9 @@ use dem_mpi::output::header::Header;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::output::{snapshot, table};
 use dem_mpi::post::history::History;
+use dem_mpi::post::page::{self, Page};
 use dem_mpi::post::views::Views;
-use dem_mpi::post::{Report, Settings, analyse, page};
+use dem_mpi::post::{Report, Settings, analyse};
 use serde_json::Value;
 use std::fs::File;
 use std::path::Path;
@@ -124,8 +125,17 @@ fn a_run_s_files_give_its_numbers_and_its_page_whoever_wrote_them() {
     let (views, of_three) = (views(&reader), views(&of_three));
     assert_eq!(views.plots().unwrap(), of_three.plots().unwrap());
     let (walls, views) = (&header.walls, Some(&views));
-    let plots = page::plots(&[report], picture, views, &run, walls, &targets).unwrap();
-    let names: Vec<&str> = plots.iter().map(|plot| plot.name.as_str()).collect();
+    let sections = page::sections(&[report], None, picture, views, &run, walls, &targets).unwrap();
+    let reports = [other.report];
+    let page = Page {
+        title: "falling",
+        command: "",
+        warnings: &[],
+        reports: &reports,
+        requested: &[],
+        sections: &sections,
+    };
+    let names: Vec<&str> = page.plots().map(|plot| plot.name.as_str()).collect();
     let of_snapshot = [
         "packing",
         "force_chains",
@@ -155,11 +165,11 @@ fn a_run_s_files_give_its_numbers_and_its_page_whoever_wrote_them() {
     .map(|name| format!("history_{name}"));
     let expected = of_snapshot.into_iter().chain(of_run.iter().map(String::as_str));
     assert_eq!(names, expected.collect::<Vec<_>>());
-    let page = page::page("falling", &[other.report], &plots);
-    for plot in &plots {
-        assert!(page.contains(&format!("<h2>{}</h2>", plot.title)), "{}", plot.name);
+    let html = page.html();
+    for plot in page.plots() {
+        assert!(html.contains(&format!("<h3>{}</h3>", plot.title)), "{}", plot.name);
     }
-    assert!(plots.last().unwrap().svg.contains("+z"), "walls stand in the legend");
+    assert!(page.plots().last().unwrap().svg.contains("+z"), "walls stand in the legend");
 }
 
 #[test]
@@ -314,6 +324,11 @@ fn a_series_may_be_longer_than_a_process_may_open_files() {
     let written = folder.path().join("post_series");
     let table = std::fs::read_to_string(written.join("report.csv")).unwrap();
     assert_eq!(table.lines().count(), 31);
+    // Snapshots are at 0, 1, ... 29 s.
+    let pictures = std::fs::read_to_string(written.join("snapshots.svg")).unwrap();
+    let place = |time: &str| pictures.find(&format!(">{time} s</text>")).expect("a title");
+    assert!(place("0") < place("15.00") && place("15.00") < place("29.00"));
+    assert_eq!(pictures.matches("font-size=\"14\"").count(), 3);
     let dumps = written
         .read_dir()
         .unwrap()

@@ -10,3 +10,4 @@ pub mod rose;
 mod side;
 pub mod sizes;
 pub mod views;
+mod walls;

@@ -3,7 +3,7 @@
 
 use super::draw::PlotError;
 use super::panels::panels;
-use super::plots::{self, Plot, Width};
+use super::plots::{self, Pick, Plot, Width};
 use super::rose::roses;
 use super::views::Views;
 use crate::drive::servo::Target;
@@ -11,120 +11,194 @@ use crate::output::header::WallRow;
 use crate::post::forces::Forces;
 use crate::post::history::History;
 use crate::post::region::Bounds;
-use crate::post::report::{Report, readable};
+use crate::post::report::{Group, Report, readable};
 use std::fmt::Write;
 
-/// All plots of a series, in the order of the page: plots over the series, plots and views of its last snapshot, and
-/// the history of the run with these walls and targets of their stresses.
+/// Plots under a common heading.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Section {
+    /// Heading of the section.
+    pub title: &'static str,
+    /// Plots of the section.
+    pub plots: Vec<Plot>,
+}
+
+/// Plots of a series in sections: plots over the series, plots and views of its last snapshot, and the history of the run with
+/// these walls and targets of their stresses. `earlier` is a picture of several snapshots.
 ///
 /// # Errors
 /// See [`PlotError`].
-pub fn plots(
+pub fn sections(
     reports: &[Report],
+    earlier: Option<String>,
     picture: String,
     views: Option<&Views>,
     history: &History,
     walls: &[WallRow],
     targets: &[Target],
-) -> Result<Vec<Plot>, PlotError> {
-    let mut drawn = Vec::new();
+) -> Result<Vec<Section>, PlotError> {
+    let mut over_time = Vec::new();
     if reports.len() > 1 {
-        drawn.extend(plots::series(reports)?);
-    }
-    if let Some(report) = reports.last() {
-        drawn.push(Plot {
-            name: "packing".into(),
-            title: "Packing".into(),
-            caption:
-                "Side view along y (x to the right, z up): exact outlines of the nearest particles, darker with more \
-                 contacts; particles with fewer than two contacts are yellow."
-                    .into(),
+        over_time.extend(earlier.map(|svg| Plot {
+            name: "snapshots".into(),
+            title: "First, middle and last snapshot".into(),
+            caption: "Side views along y at one scale.".into(),
             width: Width::Full,
-            svg: picture,
-        });
-        if let Some(views) = views {
-            drawn.extend(views.plots()?);
-        }
-        drawn.extend(roses(report)?);
-        drawn.push(plots::coordination(&report.coordination)?);
-        if let Some(forces) = &report.forces {
-            if forces.weak_share.is_some() {
-                let Forces { normal, shear, normal_logarithmic, shear_logarithmic, .. } = forces;
-                drawn.push(plots::force_distribution(normal, shear)?);
-                drawn.push(plots::weak_forces(normal_logarithmic, shear_logarithmic)?);
-            }
-            drawn.push(plots::friction(&forces.friction_used)?);
-        }
+            svg,
+        }));
+        over_time.extend(plots::series(reports)?);
     }
-    drawn.extend(panels(history, walls, targets)?);
+    let of_last = reports.last().map(|report| of_snapshot(report, picture, views)).transpose()?;
+    Ok(vec![
+        Section { title: "Series", plots: over_time },
+        Section { title: "Last snapshot", plots: of_last.unwrap_or_default() },
+        Section { title: "History of the run", plots: panels(history, walls, targets)? },
+    ])
+}
+
+fn of_snapshot(
+    report: &Report,
+    picture: String,
+    views: Option<&Views>,
+) -> Result<Vec<Plot>, PlotError> {
+    let mut drawn = vec![Plot {
+        name: "packing".into(),
+        title: "Packing".into(),
+        caption:
+            "Side view along y (x to the right, z up): exact outlines of the nearest particles, darker with more \
+             contacts; particles with fewer than two contacts are yellow. Grey lines are walls."
+                .into(),
+        width: Width::Full,
+        svg: picture,
+    }];
+    if let Some(views) = views {
+        drawn.extend(views.plots()?);
+    }
+    drawn.extend(roses(report)?);
+    drawn.push(plots::coordination(&report.coordination)?);
+    if let Some(forces) = &report.forces {
+        if forces.weak_share.is_some() {
+            let Forces { normal, shear, normal_logarithmic, shear_logarithmic, .. } = forces;
+            drawn.push(plots::force_distribution(normal, shear)?);
+            drawn.push(plots::weak_forces(normal_logarithmic, shear_logarithmic)?);
+        }
+        drawn.push(plots::friction(&forces.friction_used)?);
+    }
     Ok(drawn)
 }
 
-/// The page. `reports` are those of a series, in order; the numbers on top are those of the last.
-pub fn page(title: &str, reports: &[Report], plots: &[Plot]) -> String {
-    let mut out = String::new();
-    let _ = write!(
-        out,
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n",
-        title = escaped(title)
-    );
-    if let Some(report) = reports.last() {
-        head(&mut out, title, report);
-        numbers(&mut out, report);
-    }
-    if reports.len() > 1 {
-        series(&mut out, reports);
-    }
-    out.push_str("<section class=\"plots\">\n");
-    for plot in plots {
-        let class = match plot.width {
-            Width::Third => " class=\"third\"",
-            Width::Half => "",
-            Width::Full => " class=\"wide\"",
-        };
-        let _ = write!(
-            out,
-            "<figure id=\"{}\"{class}>\n<h2>{}</h2>\n{}<figcaption>{}</figcaption>\n</figure>\n",
-            plot.name,
-            escaped(&plot.title),
-            plot.svg,
-            escaped(&plot.caption)
-        );
-    }
-    out.push_str("</section>\n");
-    if let Some(report) = reports.last() {
-        let _ = writeln!(
-            out,
-            "<footer>dem-post {} · {} · step {} · t = {} s</footer>",
-            escaped(&report.program_version),
-            escaped(&report.snapshot),
-            report.summary.step,
-            readable(report.summary.time_s)
-        );
-    }
-    out.push_str("</main>\n</body>\n</html>\n");
-    out
+/// Contents of a page.
+#[derive(Clone, Copy, Debug)]
+pub struct Page<'a> {
+    /// Title of the scene.
+    pub title: &'a str,
+    /// Command that makes the page.
+    pub command: &'a str,
+    /// Warnings of the run and of this program.
+    pub warnings: &'a [String],
+    /// Reports of a series, in order.
+    pub reports: &'a [Report],
+    /// Plots of the requested measures.
+    pub requested: &'a [Plot],
+    /// All other plots.
+    pub sections: &'a [Section],
 }
 
-fn head(out: &mut String, title: &str, report: &Report) {
-    let place = match report.region_m {
-        None => "the whole packing".to_string(),
-        Some(region) => format!("region {}", sides(&region)),
-    };
-    let walls = if report.walls_in_fabric { "; fabric and forces with wall contacts" } else { "" };
-    let _ = write!(
-        out,
-        "<header>\n<h1>{}</h1>\n<p>Step {} at t = {} s, {place}{walls}.</p>\n",
-        escaped(title),
-        report.summary.step,
-        readable(report.summary.time_s)
-    );
-    for doubt in &report.doubts {
-        let _ = writeln!(out, "<p>Warning: {}.</p>", escaped(doubt));
+impl<'a> Page<'a> {
+    /// All plots, in the order of the page.
+    pub fn plots(&self) -> impl Iterator<Item = &'a Plot> {
+        self.requested.iter().chain(self.sections.iter().flat_map(|section| &section.plots))
     }
-    out.push_str("</header>\n");
+
+    /// The page: results of the requested measures, then plots, then tables. Sections without content are left out.
+    pub fn html(&self) -> String {
+        let parts: Vec<(&str, String)> = [("Results", self.results()), ("Warnings", self.listed())]
+            .into_iter()
+            .chain(self.sections.iter().map(|section| (section.title, figures(&section.plots))))
+            .chain([("Numbers", self.numbers()), ("All snapshots", series(self.reports))])
+            .filter(|(_, content)| !content.is_empty())
+            .collect();
+        let mut out = String::new();
+        let title = escaped(self.title);
+        let _ = write!(
+            out,
+            "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+             <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n",
+        );
+        self.head(&mut out);
+        self.contents(&parts, &mut out);
+        for (title, content) in &parts {
+            let id = anchor(title);
+            let _ = write!(out, "<section id=\"{id}\">\n<h2>{title}</h2>\n{content}</section>\n");
+        }
+        if let Some(report) = self.reports.last() {
+            let (version, file) = (escaped(&report.program_version), escaped(&report.snapshot));
+            let _ = writeln!(out, "<footer>dem-post {version} · {file}</footer>");
+        }
+        out.push_str("</main>\n</body>\n</html>\n");
+        out
+    }
+
+    fn head(&self, out: &mut String) {
+        let _ = write!(out, "<header>\n<h1>{}</h1>\n", escaped(self.title));
+        if let Some(report) = self.reports.last() {
+            let place = match report.region_m {
+                None => "the whole packing".to_string(),
+                Some(region) => format!("region {}", sides(&region)),
+            };
+            let walls =
+                if report.walls_in_fabric { "; fabric and forces with wall contacts" } else { "" };
+            let (step, time) = (report.summary.step, readable(report.summary.time_s));
+            let _ = writeln!(out, "<p>Step {step} at t = {time} s, {place}{walls}.</p>");
+        }
+        let _ = write!(out, "<p><code>{}</code></p>\n</header>\n", escaped(self.command));
+    }
+
+    /// Links to all sections, and folded up to all plots.
+    fn contents(&self, parts: &[(&str, String)], out: &mut String) {
+        out.push_str("<nav>\n");
+        for (title, _) in parts {
+            let _ = writeln!(out, "<a href=\"#{}\">{title}</a>", anchor(title));
+        }
+        let count = self.plots().count();
+        let _ = writeln!(out, "<details><summary>{count} plots</summary>");
+        for Plot { name, title, .. } in self.plots() {
+            let _ = writeln!(out, "<a href=\"#{name}\">{}</a>", escaped(title));
+        }
+        out.push_str("</details>\n</nav>\n");
+    }
+
+    /// Numbers, notes and plots of the requested measures.
+    fn results(&self) -> String {
+        let mut out = String::new();
+        if let Some(Report { measured, .. }) = self.reports.last() {
+            tables(&measured.groups(), &mut out);
+            for note in &measured.notes {
+                let _ = writeln!(out, "<p>{}.</p>", escaped(note));
+            }
+        }
+        out + &figures(self.requested)
+    }
+
+    /// List of the warnings; empty without warnings.
+    fn listed(&self) -> String {
+        let items = self.warnings.iter().map(|text| format!("<li>{}</li>\n", escaped(text)));
+        let items: String = items.collect();
+        if items.is_empty() { items } else { format!("<ul>\n{items}</ul>\n") }
+    }
+
+    /// Tables of the last snapshot, below doubts about them.
+    fn numbers(&self) -> String {
+        let mut out = String::new();
+        if let Some(report) = self.reports.last() {
+            for doubt in &report.doubts {
+                let _ = writeln!(out, "<p>Warning: {}.</p>", escaped(doubt));
+            }
+            tables(&report.groups(), &mut out);
+        }
+        out
+    }
 }
 
 /// Text with the sides of a box [m].
@@ -133,59 +207,100 @@ pub fn sides(bounds: &Bounds) -> String {
     format!("x {}, y {}, z {} m", side(0), side(1), side(2))
 }
 
-fn numbers(out: &mut String, report: &Report) {
-    out.push_str("<section class=\"numbers\">\n");
-    for group in report.groups() {
-        let _ = write!(out, "<table>\n<caption>{}</caption>\n", escaped(group.title));
-        for row in group.rows {
+/// Name of a section in links.
+fn anchor(title: &str) -> String {
+    format!("section-{}", title.to_lowercase().replace(' ', "-"))
+}
+
+/// Plots beside each other; empty without plots.
+fn figures(plots: &[Plot]) -> String {
+    let mut out = String::new();
+    if plots.is_empty() {
+        return out;
+    }
+    out.push_str("<div class=\"plots\">\n");
+    for plot in plots {
+        let class = match plot.width {
+            Width::Third => " class=\"third\"",
+            Width::Half => "",
+            Width::Full => " class=\"wide\"",
+        };
+        let (title, caption) = (escaped(&plot.title), escaped(&plot.caption));
+        let _ = write!(
+            out,
+            "<figure id=\"{}\"{class}>\n<h3>{title}</h3>\n{}<figcaption>{caption}</figcaption>\n</figure>\n",
+            plot.name, plot.svg,
+        );
+    }
+    out.push_str("</div>\n");
+    out
+}
+
+fn tables(groups: &[Group], out: &mut String) {
+    if groups.is_empty() {
+        return;
+    }
+    out.push_str("<div class=\"numbers\">\n");
+    for group in groups {
+        let _ = write!(out, "<table>\n<caption>{}</caption>\n", escaped(&group.title));
+        for row in &group.rows {
+            let [label, value, unit] =
+                [&row.label, &row.value, &row.unit].map(|text| escaped(text));
             let _ = writeln!(
                 out,
-                "<tr><th scope=\"row\">{}</th><td>{}</td><td>{}</td></tr>",
-                escaped(row.label),
-                escaped(&row.value),
-                escaped(&row.unit)
+                "<tr><th scope=\"row\">{label}</th><td>{value}</td><td>{unit}</td></tr>"
             );
         }
         out.push_str("</table>\n");
     }
-    out.push_str("</section>\n");
+    out.push_str("</div>\n");
 }
 
-fn series(out: &mut String, reports: &[Report]) {
+/// Columns of the table of a series.
+const COLUMNS: [(&str, Pick); 11] = [
+    ("p (Pa)", |s| s.p_pa),
+    ("q / p", |s| s.q_over_p),
+    ("axial strain", |s| s.axial_strain),
+    ("volumetric strain", |s| s.volumetric_strain),
+    ("shear strain", |s| s.shear_strain),
+    ("solid fraction", |s| s.solid_fraction),
+    ("Z", |s| s.coordination),
+    ("a<sub>c</sub>", |s| s.a_c),
+    ("a<sub>n</sub>", |s| s.a_n),
+    ("a<sub>t</sub>", |s| s.a_t),
+    (
+        "0.4 (a<sub>c</sub> + a<sub>n</sub> + a<sub>bn</sub> + 1.5 (a<sub>t</sub> + a<sub>bt</sub>)) / (q / p) − 1",
+        |s| s.fabric_relation_error,
+    ),
+];
+
+/// Table of a series, without columns that have no value; empty for a single snapshot.
+fn series(reports: &[Report]) -> String {
+    let mut out = String::new();
+    if reports.len() < 2 {
+        return out;
+    }
+    let has_values =
+        |(_, of): &&(_, Pick)| reports.iter().any(|report| of(&report.summary).is_some());
+    let columns: Vec<_> = COLUMNS.iter().filter(has_values).collect();
     out.push_str(
-        "<section class=\"series\">\n<table>\n<caption>All snapshots</caption>\n\
-         <tr><th>step</th><th>time (s)</th><th>particles</th><th>p (Pa)</th><th>q / p</th>\
-         <th>axial strain</th><th>volumetric strain</th><th>shear strain</th>\
-         <th>solid fraction</th><th>Z</th><th>a<sub>c</sub></th><th>a<sub>n</sub></th><th>a<sub>t</sub></th>\
-         <th>0.4 (a<sub>c</sub> + a<sub>n</sub> + a<sub>bn</sub> + 1.5 (a<sub>t</sub> + a<sub>bt</sub>)) / (q / p) − 1</th></tr>\n",
+        "<div class=\"series\">\n<table>\n<tr><th>step</th><th>time (s)</th><th>particles</th>",
     );
+    for (name, _) in &columns {
+        let _ = write!(out, "<th>{name}</th>");
+    }
+    out.push_str("</tr>\n");
     for report in reports {
         let s = &report.summary;
-        let _ = write!(
-            out,
-            "<tr><td>{}</td><td>{}</td><td>{}</td>",
-            s.step,
-            readable(s.time_s),
-            s.particles
-        );
-        for value in [
-            s.p_pa,
-            s.q_over_p,
-            s.axial_strain,
-            s.volumetric_strain,
-            s.shear_strain,
-            s.solid_fraction,
-            s.coordination,
-            s.a_c,
-            s.a_n,
-            s.a_t,
-            s.fabric_relation_error,
-        ] {
-            let _ = write!(out, "<td>{}</td>", value.map_or("–".to_string(), readable));
+        let (step, time, particles) = (s.step, readable(s.time_s), s.particles);
+        let _ = write!(out, "<tr><td>{step}</td><td>{time}</td><td>{particles}</td>");
+        for (_, of) in &columns {
+            let _ = write!(out, "<td>{}</td>", of(s).map_or("–".to_string(), readable));
         }
         out.push_str("</tr>\n");
     }
-    out.push_str("</table>\n</section>\n");
+    out.push_str("</table>\n</div>\n");
+    out
 }
 
 /// Text with the special characters of HTML replaced.

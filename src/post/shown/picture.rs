@@ -8,6 +8,7 @@
 //! Visible faces are drawn, too, unless there are very many particles: for rounded bodies the flat parts.
 
 use super::side::scale_bar;
+use super::walls::Walls;
 use crate::contact::Posed;
 use crate::ids::GlobalId;
 use crate::math::Vec3;
@@ -23,6 +24,9 @@ use std::fmt::Write;
 /// The particles nearest to the viewer.
 #[derive(Clone, Debug, Default)]
 pub struct Picture {
+    walls: Walls,
+    /// Whether the picture is widened to the walls.
+    is_whole: bool,
     grains: Vec<Grain>,
     /// Nearest of the particles that were left out: none behind it is needed.
     left_out: Option<Depth>,
@@ -157,6 +161,11 @@ impl Face {
 }
 
 impl Picture {
+    /// Picture without particles yet, with the walls of a snapshot; of the whole snapshot, or of a region.
+    pub fn of(header: &Header, is_whole: bool) -> Self {
+        Self { walls: Walls::of(header), is_whole, ..Self::default() }
+    }
+
     /// Largest number of particles drawn: those with the smallest y.
     pub const LIMIT: usize = 5000;
 
@@ -228,7 +237,7 @@ impl Picture {
     fn frame(&mut self, bounds: Option<&Bounds>) -> Frame {
         self.keep_nearest();
         self.grains.sort_by(|a, b| b.depth.nearer(&a.depth));
-        Frame::around(&self.grains, bounds)
+        Frame::around(self, bounds)
     }
 
     fn svg_in(&self, frame: &Frame) -> String {
@@ -242,6 +251,7 @@ impl Picture {
             }
         }
         out.push_str("</g>\n");
+        self.walls.draw(frame.ranges(), |x, z| frame.place(x, z).into(), &mut out);
         frame.legend(&mut out);
         out.push_str("</svg>\n");
         out
@@ -325,10 +335,10 @@ impl Frame {
     /// Smallest width, needed by the legend [px].
     const NARROWEST: f64 = 500.0;
 
-    fn around(grains: &[Grain], bounds: Option<&Bounds>) -> Self {
+    fn around(picture: &Picture, bounds: Option<&Bounds>) -> Self {
         let mut low = [f64::INFINITY; 2];
         let mut high = [f64::NEG_INFINITY; 2];
-        for grain in grains {
+        for grain in &picture.grains {
             let reach = grain.outline.reach();
             for (k, centre) in grain.centre.into_iter().enumerate() {
                 low[k] = low[k].min(centre - reach);
@@ -342,6 +352,9 @@ impl Frame {
         }
         if !(low[0] < high[0] && low[1] < high[1]) {
             (low, high) = ([0.0; 2], [1.0; 2]);
+        }
+        if picture.is_whole {
+            picture.walls.around(&mut low, &mut high);
         }
         let extent = [high[0] - low[0], high[1] - low[1]];
         let (inset, width, height) = (0.0, 0.0, 0.0);
@@ -358,6 +371,12 @@ impl Frame {
         self.width = (wide + 2.0 * Self::MARGIN).max(Self::NARROWEST);
         self.inset = 0.5 * (self.width - wide);
         self.height = tall + 2.0 * Self::MARGIN + Self::LEGEND;
+    }
+
+    /// Lower and upper ends along x and z [m].
+    fn ranges(&self) -> [[f64; 2]; 2] {
+        let [wide, tall] = self.extent;
+        [[self.left, self.top - tall], [self.left + wide, self.top]]
     }
 
     fn place(&self, x: f64, z: f64) -> (f64, f64) {

@@ -200,7 +200,7 @@ pub fn friction(used: &Histogram) -> Result<Plot, PlotError> {
 }
 
 /// A number of a summary.
-type Pick = fn(&crate::post::Summary) -> Option<f64>;
+pub(super) type Pick = fn(&Summary) -> Option<f64>;
 
 /// A plot over a series: name, title, label, and the curves with their names.
 type SeriesPlot<'a> = (&'a str, &'a str, &'a str, &'a [(&'a str, Pick)]);

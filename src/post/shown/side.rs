@@ -1,13 +1,14 @@
 //! Drawings from the side, along +y: x to the right, z up, with a scale bar.
 
 use super::draw::{scientific, tick};
+use super::walls::Walls;
 use crate::post::region::Bounds;
 use std::fmt::Write;
 
 /// Conversion from metres to pixels, around a box.
 pub(super) struct Side {
-    left: f64,
-    top: f64,
+    /// Lower and upper ends along x and z [m].
+    ranges: [[f64; 2]; 2],
     /// Pixels per metre.
     pub(super) scale: f64,
     size: [f64; 2],
@@ -21,27 +22,29 @@ impl Side {
     const LONGEST: f64 = 420.0;
     const NARROWEST: f64 = 360.0;
 
-    /// Conversion around a box.
-    pub(super) fn around(bounds: &Bounds) -> Self {
-        let lengths = bounds.lengths();
-        let scale = Self::LONGEST / lengths.x.max(lengths.z);
-        let wide = lengths.x * scale + 2.0 * Self::MARGIN;
+    /// Conversion around a box and the walls.
+    pub(super) fn around(bounds: &Bounds, walls: &Walls) -> Self {
+        let (mut low, mut high) = ([bounds.low.x, bounds.low.z], [bounds.high.x, bounds.high.z]);
+        walls.around(&mut low, &mut high);
+        let lengths = [high[0] - low[0], high[1] - low[1]];
+        let scale = Self::LONGEST / lengths[0].max(lengths[1]);
+        let wide = lengths[0] * scale + 2.0 * Self::MARGIN;
         let width = wide.max(Self::NARROWEST);
-        let height = lengths.z * scale + 2.0 * Self::MARGIN + Self::FOOT;
+        let height = lengths[1] * scale + 2.0 * Self::MARGIN + Self::FOOT;
         let inset = 0.5 * (width - wide);
-        Self { left: bounds.low.x, top: bounds.high.z, scale, size: [width, height], inset }
+        Self { ranges: [low, high], scale, size: [width, height], inset }
     }
 
     /// Pixels from the left and from the top.
     pub(super) fn place(&self, x: f64, z: f64) -> [f64; 2] {
         [
-            (x - self.left) * self.scale + self.inset + Self::MARGIN,
-            (self.top - z) * self.scale + Self::MARGIN,
+            (x - self.ranges[0][0]) * self.scale + self.inset + Self::MARGIN,
+            (self.ranges[1][1] - z) * self.scale + Self::MARGIN,
         ]
     }
 
-    /// Begins a drawing with the outline of the box.
-    pub(super) fn open(&self, bounds: &Bounds, out: &mut String) {
+    /// Begins a drawing with the outlines of the box and the walls.
+    pub(super) fn open(&self, bounds: &Bounds, walls: &Walls, out: &mut String) {
         let [width, height] = self.size;
         let [x, y] = self.place(bounds.low.x, bounds.high.z);
         let [right, bottom] = self.place(bounds.high.x, bounds.low.z);
@@ -53,6 +56,7 @@ impl Side {
             right - x,
             bottom - y
         );
+        walls.draw(self.ranges, |x, z| self.place(x, z), out);
     }
 
     /// Ends the drawing with a scale bar, and words beside it.

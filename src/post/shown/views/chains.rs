@@ -5,6 +5,7 @@ use crate::post::plots::{Plot, Width};
 use crate::post::region::Bounds;
 use crate::post::report::readable;
 use crate::post::shown::side::Side;
+use crate::post::shown::walls::Walls;
 use std::fmt::Write;
 
 /// The strongest contacts.
@@ -55,7 +56,7 @@ impl Chains {
         self.lines.truncate(Self::LIMIT);
     }
 
-    pub(super) fn plot(&self, bounds: &Bounds) -> Option<Plot> {
+    pub(super) fn plot(&self, bounds: &Bounds, walls: &Walls) -> Option<Plot> {
         let mut chains = self.clone();
         chains.keep_strongest();
         let strongest = chains.lines.first()?.force;
@@ -63,9 +64,9 @@ impl Chains {
         if !(strongest > 0.0 && strongest.is_finite()) {
             return None;
         }
-        let side = Side::around(bounds);
+        let side = Side::around(bounds, walls);
         let mut svg = String::new();
-        side.open(bounds, &mut svg);
+        side.open(bounds, walls, &mut svg);
         svg.push_str("<g stroke-linecap=\"round\">\n");
         // The strongest two in a hundred have the full width.
         let full = chains.lines[chains.lines.len() / 50].force;

@@ -5,6 +5,7 @@ use crate::post::plots::{Plot, Width};
 use crate::post::region::Bounds;
 use crate::post::report::readable;
 use crate::post::shown::side::Side;
+use crate::post::shown::walls::Walls;
 use std::fmt::Write;
 
 /// Momentum and mass by cell.
@@ -43,7 +44,7 @@ impl Field {
         }
     }
 
-    pub(super) fn plot(&self, bounds: &Bounds) -> Option<Plot> {
+    pub(super) fn plot(&self, bounds: &Bounds, walls: &Walls) -> Option<Plot> {
         let means: Vec<Option<[f64; 2]>> = self
             .sums
             .iter()
@@ -54,10 +55,10 @@ impl Field {
         if !(fastest > 0.0 && fastest.is_finite()) {
             return None;
         }
-        let view = Side::around(bounds);
+        let view = Side::around(bounds, walls);
         let longest = self.side * view.scale;
         let mut svg = String::new();
-        view.open(bounds, &mut svg);
+        view.open(bounds, walls, &mut svg);
         svg.push_str(
             "<g fill=\"none\" stroke=\"#0072B2\" stroke-width=\"1.3\" stroke-linecap=\"round\">\n",
         );

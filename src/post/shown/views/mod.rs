@@ -8,6 +8,7 @@ mod profile;
 
 use super::draw::PlotError;
 use super::plots::Plot;
+use super::walls::Walls;
 use crate::math::Vec3;
 use crate::output::header::Header;
 use crate::output::snapshot::Reader;
@@ -22,6 +23,7 @@ pub use profile::{Layer, Profile};
 #[derive(Clone, Debug)]
 pub struct Views {
     bounds: Bounds,
+    walls: Walls,
     chains: Chains,
     field: Field,
     /// Averages by height.
@@ -49,6 +51,7 @@ impl Views {
     pub fn new(header: &Header, bounds: &Bounds, diameter: f64) -> Self {
         Self {
             bounds: *bounds,
+            walls: Walls::of(header),
             chains: Chains::new(diameter),
             field: Field::new(bounds, diameter),
             profile: Profile::new(header, bounds, diameter),
@@ -100,8 +103,8 @@ impl Views {
     /// See [`PlotError`].
     pub fn plots(&self) -> Result<Vec<Plot>, PlotError> {
         let mut plots = Vec::new();
-        plots.extend(self.chains.plot(&self.bounds));
-        plots.extend(self.field.plot(&self.bounds));
+        plots.extend(self.chains.plot(&self.bounds, &self.walls));
+        plots.extend(self.field.plot(&self.bounds, &self.walls));
         plots.extend(self.profile.plots()?);
         Ok(plots)
     }
