@@ -364,71 +364,59 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         return shape(name, &scene, arguments.out.as_deref(), comm);
     }
     if arguments.plan {
-        let page = comm.is_root().then(|| plan::plan(&scene, comm.size()) + "\n");
-        let printed = print(comm, page.unwrap_or_default(), 0);
-        // Restoring the state checks that it fits the scene.
-        let fits = if scene.start.is_some() || arguments.start.is_some() {
-            state(arguments, &scene, comm)
-                .and_then(|(mut sim, _)| begins(arguments, &scene, &mut sim, comm))
-        } else {
-            tried(arguments, &scene, comm)
-        };
-        return fits.err().unwrap_or(printed);
+        return planned(arguments, &scene, comm);
     }
     if arguments.check && scene.start.is_none() && arguments.start.is_none() {
         let tried = tried(arguments, &scene, comm);
         return tried.map_or_else(|status| status, |()| checked(arguments, comm));
     }
+    simulated(arguments, &scene, comm).unwrap_or_else(|status| status)
+}
 
+/// Prints the plan, and checks that the scene can begin.
+fn planned(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> u8 {
+    let page = comm.is_root().then(|| plan::plan(scene, comm.size()) + "\n");
+    let printed = print(comm, page.unwrap_or_default(), 0);
+    // Restoring the state checks that it fits the scene.
+    let fits = if scene.start.is_some() || arguments.start.is_some() {
+        state(arguments, scene, comm)
+            .and_then(|(mut sim, _)| begins(arguments, scene, &mut sim, comm))
+    } else {
+        tried(arguments, scene, comm)
+    };
+    fits.err().unwrap_or(printed)
+}
+
+/// Prints an error of the input, and returns its exit status.
+fn rejected(comm: &dyn Comm, error: impl std::fmt::Display) -> u8 {
+    print_once(comm, error);
+    WRONG_INPUT
+}
+
+/// Runs the scene, or checks that it continues from its snapshot. Returns the exit status; as an error if nothing has run.
+fn simulated(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> Result<u8, u8> {
     let out = arguments.out.clone().unwrap_or_else(|| scene.out.clone());
     if let Some(elsewhere) = goes_on_elsewhere(arguments, &out) {
-        print_once(comm, elsewhere);
-        return WRONG_INPUT;
+        return Err(rejected(comm, elsewhere));
     }
     // A check writes nothing.
     let claimed = (!arguments.check).then(|| output::claim(&out, comm)).transpose();
-    let _held_until_the_end = match claimed {
-        Ok(lock) => lock,
-        Err(error) => {
-            print_once(comm, error);
-            return WRONG_INPUT;
-        }
-    };
-    let (mut sim, held) = match state(arguments, &scene, comm) {
-        Ok(state) => state,
-        Err(status) => return status,
-    };
-    if let Err(status) = has_columns(arguments, &scene, &sim, comm) {
-        return status;
-    }
+    let _held_until_the_end = claimed.map_err(|error| rejected(comm, error))?;
+    let (mut sim, held) = state(arguments, scene, comm)?;
+    has_columns(arguments, scene, &sim, comm)?;
     if arguments.check {
-        let begins = begins(arguments, &scene, &mut sim, comm);
-        return begins.map_or_else(|status| status, |()| checked(arguments, comm));
+        begins(arguments, scene, &mut sim, comm)?;
+        return Ok(checked(arguments, comm));
     }
     let resumed = arguments.start.is_some();
-
     let stage_end = sim.stage_begin.0.saturating_add(scene.steps_of(&sim));
     let last_step = arguments.steps.map_or(stage_end, |steps| sim.step.saturating_add(steps));
-    if resumed && let Some((why, status)) = nothing_left(arguments, &scene, &sim, &held, last_step)
-    {
+    if resumed && let Some((why, status)) = nothing_left(arguments, scene, &sim, &held, last_step) {
         print_once(comm, format!("nothing left to do: {why}"));
-        return status;
+        return Err(status);
     }
-    let is_over = resumed && is_over(&scene, &sim, &held);
-    let Arguments { overwrite, start, .. } = arguments;
-    let before = if resumed { None } else { scene.start.as_deref() };
-    let kept = snapshot::none_later(&out, sim.step, *overwrite, start.as_deref(), before, comm);
-    if let Err(error) = kept {
-        print_once(comm, error);
-        return WRONG_INPUT;
-    }
-    if *overwrite && !resumed {
-        for post in ["post", "post_series"].map(|name| out.join(name)).iter().filter(|p| p.exists())
-        {
-            let post = post.display();
-            print_once(comm, format!("warning: {post} is of the run before: run dem-post again"));
-        }
-    }
+    let is_over = resumed && is_over(scene, &sim, &held);
+    make_room(arguments, scene, sim.step, &out, comm)?;
     let schedule = Schedule {
         last_step,
         ends_stage: last_step == stage_end,
@@ -445,11 +433,33 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         duration: scene.duration.filter(|_| arguments.steps.is_none()),
         over: scene.over_the_limit(),
     };
-    match run(&mut sim, &scene, &schedule, arguments, comm) {
-        Ok(finish) if !finish.unmet.is_empty() => UNMET,
-        Ok(finish) => ended(arguments, &finish, sim.step, last_step, comm),
-        Err(status) => status,
+    let finish = run(&mut sim, scene, &schedule, arguments, comm)?;
+    if !finish.unmet.is_empty() {
+        return Ok(UNMET);
     }
+    Ok(ended(arguments, &finish, sim.step, last_step, comm))
+}
+
+/// Makes sure that the folder has no later snapshots, which `--overwrite` removes, and warns of pages of the run before.
+fn make_room(
+    arguments: &Arguments,
+    scene: &Scene,
+    step: u64,
+    out: &Path,
+    comm: &mut dyn Comm,
+) -> Result<(), u8> {
+    let Arguments { overwrite, start, .. } = arguments;
+    let before = if start.is_some() { None } else { scene.start.as_deref() };
+    let kept = snapshot::none_later(out, step, *overwrite, start.as_deref(), before, comm);
+    kept.map_err(|error| rejected(comm, error))?;
+    if *overwrite && start.is_none() {
+        for post in ["post", "post_series"].map(|name| out.join(name)).iter().filter(|p| p.exists())
+        {
+            let post = post.display();
+            print_once(comm, format!("warning: {post} is of the run before: run dem-post again"));
+        }
+    }
+    Ok(())
 }
 
 /// Prints the page of a shape, and draws it into a folder, if one is given.

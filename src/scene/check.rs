@@ -725,6 +725,8 @@ const MOST_STEPS: u64 = 1_000_000_000_000_000_000;
 /// Stable limit of the time step, if any contact can push.
 struct Limit {
     limit: Option<TimeStepLimit>,
+    /// Name of the shape that sets it.
+    shape: String,
     /// Addition to the message about its stiffness.
     with: &'static str,
 }
@@ -732,7 +734,9 @@ struct Limit {
 impl Limit {
     fn of(law: &Choice, library: &Library) -> Self {
         let with = if law.resists_turning() { ", including rotation on springs" } else { "" };
-        Self { limit: time_step_limit(library, &*law.law(library)), with }
+        let limit = time_step_limit(library, &*law.law(library));
+        let shape = limit.as_ref().map(|limit| library.names[limit.shape.index()].clone());
+        Self { limit, shape: shape.unwrap_or_default(), with }
     }
 
     /// Automatic step [s].
@@ -746,16 +750,15 @@ impl Limit {
         if step.is_normal() {
             return Some(step);
         }
-        given.fail(self.out_of_range(limit, library));
+        given.fail(self.out_of_range(limit));
         None
     }
 
     /// Error for a limit that is no positive number.
-    fn out_of_range(&self, limit: &TimeStepLimit, library: &Library) -> String {
+    fn out_of_range(&self, limit: &TimeStepLimit) -> String {
         format!(
             "the stable limit of shape `{}` is {:e} s, out of the range of numbers: check its `density`, size and stiffness",
-            library.names[limit.shape.index()],
-            limit.dt
+            self.shape, limit.dt
         )
     }
 
@@ -765,7 +768,7 @@ impl Limit {
             && !time.allow_unstable
             && let Some(given) = section.get("step")
         {
-            given.fail(self.out_of_range(limit, library));
+            given.fail(self.out_of_range(limit));
         }
         if time.dt > limit.dt
             && !time.allow_unstable
@@ -776,7 +779,7 @@ impl Limit {
                  more mass or less stiffness, or set time.allow_unstable = true",
                 // Rounded down, so that the number itself is allowed.
                 printed_limit(limit.dt),
-                library.names[limit.shape.index()],
+                self.shape,
                 limit.words(library),
                 self.with
             ));

@@ -129,7 +129,7 @@ impl Files<'_> {
     /// One included file.
     fn included(&mut self, given: &Given, folder: &Path) -> Option<Node> {
         let path = folder.join(given.text()?);
-        let name = shown(path.display());
+        let name = files::shown(path.display());
         self.count += 1;
         if self.open.len() > DEEPEST || self.count > MOST_FILES {
             given.fail(format!(

@@ -136,3 +136,36 @@ fn no_circles_within_a_folder() {
     }
     assert!(seen > 50, "only {seen} imports were found");
 }
+
+/// Longest function [lines].
+const LONGEST: usize = 80;
+
+/// Functions fit on a screen.
+#[test]
+fn no_function_is_too_long() {
+    let mut files = Vec::new();
+    sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &mut files);
+    let (mut wrong, mut count) = (Vec::new(), 0);
+    for file in files {
+        let text = fs::read_to_string(&file).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        for (k, line) in lines.iter().enumerate() {
+            let code = line.trim_start();
+            let before = code.split("fn ").next().unwrap_or_default();
+            let words = ["pub", "pub(crate)", "pub(super)", "const", "unsafe", "extern", "\"C\""];
+            let is_head =
+                before.split_whitespace().all(|w| words.contains(&w) || w.starts_with("pub("));
+            if !code.contains("fn ") || !is_head || code.ends_with(';') {
+                continue;
+            }
+            let end = format!("{}}}", &line[..line.len() - code.len()]);
+            let Some(length) = lines[k..].iter().position(|line| *line == end) else { continue };
+            count += 1;
+            if length + 1 > LONGEST {
+                wrong.push(format!("{}:{}: {} lines", file.display(), k + 1, length + 1));
+            }
+        }
+    }
+    assert!(count > 3000, "{count}");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}

@@ -1,5 +1,6 @@
 //! Input from other programs: encodings, line ends, headers, amounts, speed, and error messages.
 
+use crate::support::expect_refused;
 use dem_mpi::math::Vec3;
 use dem_mpi::scene::plan::plan;
 use dem_mpi::scene::{Fill, Scene, SceneErrors};
@@ -529,4 +530,13 @@ fn folders_that_cannot_be_are_named() {
         assert_eq!(output.status.code(), Some(2));
         assert!(said.contains("cannot write into") && !said.contains("disk"), "{said}");
     }
+}
+
+/// A density beyond the range of numbers leaves no stable limit.
+#[test]
+fn a_step_out_of_range_is_refused() {
+    let good = "[[material]]\nname = \"glass\"\ndensity = 2500\nnormal_stiffness = 1e4\n[time]\nstep = \"auto\"\n";
+    expect_refused(good, "density = 2500", "density = 1e308", "out of the range of numbers");
+    let given = good.replace("\"auto\"", "1e-5");
+    expect_refused(&given, "density = 2500", "density = 1e308", "out of the range of numbers");
 }

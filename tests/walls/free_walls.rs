@@ -3,12 +3,15 @@
 use crate::support::{
     Bench, MATERIAL, OnRanks, ball, close, expect_refused, save, scene, schedule,
 };
+use dem_mpi::cell::Cell;
 use dem_mpi::comm::alone::Alone;
+use dem_mpi::drive::free::FreeWall;
 use dem_mpi::math::Vec3;
 use dem_mpi::output::snapshot::Reader;
 use dem_mpi::scene::assemble::{self, Continuation};
 use dem_mpi::scene::plan::plan;
 use dem_mpi::sim::run::{Ending, run};
+use dem_mpi::walls::Wall;
 
 const RADIUS: f64 = 0.01;
 const STIFFNESS: f64 = 1e5;
@@ -393,4 +396,20 @@ fn a_free_wall_says_what_is_wrong() {
         let (_, error) = step_until_error(&text, 30_000);
         assert!(error.contains("\"lid\" moves freely and is far out of the domain"), "{error}");
     }
+}
+
+/// A lid presses with its load over its area, an oblique line with the load over the cosine; a lid that is pulled away does not press.
+#[test]
+fn a_lid_has_the_stress_of_its_load() {
+    let cell = Cell::new(Vec3::zeros(), Vec3::new(2.0, 3.0, 1.0), [true, true, false]);
+    let planes = [(Vec3::z(), -Vec3::z())];
+    let walls = [Wall::of_planes("lid".to_owned(), Vec3::z(), &planes)];
+    let stress =
+        |along: Vec3, load: f64| FreeWall { wall: 0, along, mass: 1.0, load }.stress(&walls, &cell);
+    assert_eq!(stress(-Vec3::z(), 12.0), Some(2.0));
+    assert_eq!(stress(Vec3::z(), -12.0), Some(2.0));
+    assert_eq!(stress(Vec3::z(), 12.0), None);
+    assert_eq!(stress(-Vec3::z(), -12.0), None);
+    let oblique = stress(Vec3::new(0.6, 0.0, -0.8), 12.0).expect("it presses");
+    close(oblique, 2.5, 1e-15, "oblique");
 }
