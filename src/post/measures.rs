@@ -54,7 +54,7 @@ pub struct Requested {
     #[arg(long, value_enum)]
     slope: Option<Direction>,
 
-    /// Also write what passes a plane, in a series of snapshots, or leaves through an outlet, flow.csv, and print the rates in grains/s and kg/s:
+    /// Also write what passes a plane, in a series of snapshots, or leaves through an outlet, flow.csv, and print the rates in particles/s and kg/s:
     /// -z=0.05 is the plane z = 0.05 m, downwards
     #[arg(long, value_name = "GATE", allow_hyphen_values = true)]
     flow: Option<Gate>,

@@ -178,7 +178,7 @@ fn a_diff_knows_both_files() {
     status(&compare(), WRONG);
 }
 
-/// The command printed after "to go on:" is quoted for any name of the scene.
+/// The command printed after "to continue:" is quoted for any name of the scene.
 #[test]
 fn a_command_to_go_on_is_quoted() {
     let folder = fresh_directory("quoted");
