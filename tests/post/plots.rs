@@ -224,6 +224,9 @@ fn walls_that_turn_have_no_load() {
         "torque_flap_x_N_m",
         "power_flap_W",
         "angular_velocity_flap_y_rad_per_s",
+        "left_Big_hole_kg",
+        "entered_top",
+        "mean_m_per_s",
     ];
     let rows = [0, 1].map(|row| columns.map(|_| row.to_string()).join(","));
     let table = format!("time_s,{}\n0,{}\n1,{}\n", columns.join(","), rows[0], rows[1]);
@@ -239,12 +242,15 @@ fn walls_that_turn_have_no_load() {
         .clone()
     };
     for (title, unit) in [
-        ("Torque flap x", "torque flap x (N m)"),
-        ("Power flap", "power flap (W)"),
-        ("Turned flap x", "turned flap x (rad)"),
-        ("Angular velocity flap y", "angular velocity flap y (rad/s)"),
-        ("Force flap z", "force flap z (N)"),
-        ("Force trough x", "force trough x (N)"),
+        ("Torque on flap about x", "torque on flap about x (N m)"),
+        ("Power of flap", "power of flap (W)"),
+        ("Rotation of flap about x", "rotation of flap about x (rad)"),
+        ("Angular velocity of flap about y", "angular velocity of flap about y (rad/s)"),
+        ("Force on flap along z", "force on flap along z (N)"),
+        ("Force on trough along x", "force on trough along x (N)"),
+        ("Mass left through Big hole", "mass left through Big hole (kg)"),
+        ("Particles entered through top", "particles entered through top"),
+        ("Mean", "mean (m/s)"),
     ] {
         assert!(unit_of(title).contains(unit), "{title}");
     }

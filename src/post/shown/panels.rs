@@ -379,7 +379,29 @@ fn unknown(curve: &Curve) -> Result<Option<Plot>, PlotError> {
     draw(&panel, &[Curve { name: String::new(), points: curve.points.clone() }], &[])
 }
 
-/// Name of a column as words, and its unit: `kinetic_energy_j` is "kinetic energy" in "J".
+/// Words for a column of a wall along or about an axis: its beginning, and the words before the wall and the axis.
+const OF_AXES: [(&str, &str, &str); 6] = [
+    ("force_", "force on", "along"),
+    ("torque_", "torque on", "about"),
+    ("velocity_", "velocity of", "along"),
+    ("point_", "place of", "along"),
+    ("angular_velocity_", "angular velocity of", "about"),
+    ("turned_", "rotation of", "about"),
+];
+
+/// Words for other columns of a wall, an inlet or an outlet.
+const OF_THINGS: [(&str, &str); 8] = [
+    ("power_", "power of"),
+    ("work_", "work of"),
+    ("place_", "place of"),
+    ("lost_at_", "energy lost at"),
+    ("rubbed_at_", "energy lost to friction at"),
+    ("entered_", "entered through"),
+    ("left_", "left through"),
+    ("missing_", "due at"),
+];
+
+/// Name of a column as words, and its unit: `torque_drum_y_N_m` is "torque on drum about y" in "N m".
 fn words_and_unit(name: &str) -> (String, Option<&'static str>) {
     const UNITS: [(&str, &str); 15] = [
         ("_m_per_s", "m/s"),
@@ -398,13 +420,31 @@ fn words_and_unit(name: &str) -> (String, Option<&'static str>) {
         ("_m", "m"),
         ("_s", "s"),
     ];
-    let name = name.to_lowercase();
-    let of = UNITS.iter().filter_map(|(end, unit)| Some((name.strip_suffix(end)?, *unit)));
+    let small = name.to_ascii_lowercase();
+    let of = UNITS.iter().filter(|(end, _)| small.ends_with(end));
     // The longest matching ending leaves the shortest name.
-    match of.min_by_key(|(stem, _)| stem.len()) {
-        Some((stem, unit)) => (stem.replace('_', " "), Some(unit)),
-        None => (name.replace('_', " "), None),
-    }
+    let (end, unit) =
+        of.max_by_key(|(end, _)| end.len()).map_or(("", None), |&(end, unit)| (end, Some(unit)));
+    (words(&name[..name.len() - end.len()], unit), unit)
+}
+
+/// Name of a column without its unit as words.
+fn words(stem: &str, unit: Option<&str>) -> String {
+    let plain = |text: &str| text.replace('_', " ");
+    let of_axis = |&(begin, of, along): &(&str, &str, &str)| {
+        let (wall, axis) = stem.strip_prefix(begin)?.rsplit_once('_')?;
+        AXES.contains(&axis).then(|| format!("{of} {} {along} {axis}", plain(wall)))
+    };
+    let of_thing = |&(begin, of): &(&str, &str)| {
+        let thing = plain(stem.strip_prefix(begin)?);
+        Some(match (begin, unit) {
+            ("entered_" | "left_" | "missing_", Some("kg")) => format!("mass {of} {thing}"),
+            ("entered_" | "left_" | "missing_", _) => format!("particles {of} {thing}"),
+            _ => format!("{of} {thing}"),
+        })
+    };
+    let found = OF_AXES.iter().find_map(of_axis).or_else(|| OF_THINGS.iter().find_map(of_thing));
+    found.unwrap_or_else(|| plain(&stem.to_lowercase()))
 }
 
 /// Words with a capital first letter.
