@@ -5,6 +5,7 @@ use clap::{Args, Command};
 use clap_complete::Shell;
 use signal_hook::consts::SIGXFSZ;
 use std::io::{self, Write as _};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -81,4 +82,20 @@ impl About {
         }
         Some(String::from_utf8_lossy(&text).into_owned())
     }
+}
+
+/// The command line of this process, as typed into a shell; the program by its name alone.
+pub fn command_line() -> String {
+    let quoted = |word: String| {
+        let is_plain = |c: char| c.is_alphanumeric() || "-_./=:,+@%".contains(c);
+        if !word.is_empty() && word.chars().all(is_plain) {
+            return word;
+        }
+        format!("'{}'", word.replace('\'', r"'\''"))
+    };
+    let mut words = std::env::args_os();
+    let program = words.next().map(PathBuf::from).unwrap_or_default();
+    let name = program.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let words = words.map(|word| word.to_string_lossy().into_owned());
+    std::iter::once(name).chain(words).map(quoted).collect::<Vec<_>>().join(" ")
 }

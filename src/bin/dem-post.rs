@@ -189,7 +189,7 @@ fn write_results(
     let Analysed { mut reports, picture, left_out } = series::reports(snapshots, &choice)?;
     let bounds = reports.last().and_then(|r| r.bounds_m);
     let drawing = picture.svg(bounds.as_ref());
-    let history = history_beside(beside);
+    let (history, unread) = history_beside(beside);
     let newest = Reader::open(newest)?;
     let header = newest.header();
     let source = Source {
@@ -206,10 +206,15 @@ fn write_results(
     let views = bounds.map(|bounds| Views::of(&newest, &bounds)).transpose()?;
     let mut sections =
         page::sections(&reports, drawing, views.as_ref(), &history, &header.walls, &targets)?;
-    let of_sizes = sizes::plots(&sizes::beside(beside))?;
+    let (of_run, mut warnings) = sizes::beside(beside);
+    warnings.extend(unread.iter().cloned());
+    warnings.extend(measured.failed.iter().map(|error| format!("dem-post: {error}")));
+    let of_sizes = sizes::plots(&of_run)?;
     sections.push(Section { title: "Sizes of particles", plots: of_sizes });
     let page = Page {
         title: &header.title().unwrap_or_else(|| title(beside)),
+        command: &arguments::command_line(),
+        warnings: &warnings,
         reports: &reports,
         requested: &measured.plots,
         sections: &sections,
@@ -393,14 +398,18 @@ fn write_file(
     written.with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Scalars of the run, if there are any; a damaged table is reported and ignored.
-fn history_beside(directory: &Path) -> History {
+/// Scalars of the run, if there are any. A damaged table is ignored, with a warning.
+fn history_beside(directory: &Path) -> (History, Option<String>) {
     let path = directory.join("history.csv");
-    let Ok(file) = files::open(&path) else { return History::default() };
-    History::read(file).unwrap_or_else(|error| {
-        print_error(format_args!("dem-post: {} is left out: {error}", path.display()));
-        History::default()
-    })
+    let Ok(file) = files::open(&path) else { return (History::default(), None) };
+    match History::read(file) {
+        Ok(history) => (history, None),
+        Err(error) => {
+            let warning = format!("dem-post: {} is left out: {error}", path.display());
+            print_error(format_args!("{warning}"));
+            (History::default(), Some(warning))
+        }
+    }
 }
 
 /// Title of a run without one: the name of its folder.

@@ -162,3 +162,23 @@ fn means_and_slopes_are_told_alike_everywhere() {
     let index = report["measured"]["mixing"]["index"].as_f64().unwrap();
     assert!(page.contains(&format!("Lacey's index</th><td>{index:.3}</td>")));
 }
+
+/// The page names its command, the title of the scene and the warnings of the run, after the results.
+#[test]
+fn a_page_has_its_command_and_the_warnings_of_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut snapshot = ellipsoids(3, 8);
+    snapshot.header.scene = "title = \"Balls & more\"".into();
+    store(folder.path(), &snapshot);
+    let run = r#"{"warnings": ["the largest overlap is 9 % > 5 %", "a servo is off"]}"#;
+    std::fs::write(folder.path().join("report.json"), run).unwrap();
+    std::fs::write(folder.path().join("history.csv"), turning(Vec3::y(), 3.0)).unwrap();
+    let (_, page, _) = post(folder.path(), &["--region", "0,1,0,1,0,1"]);
+    let place = |text: &str| page.find(text).unwrap_or_else(|| panic!("no {text} in {page}"));
+    let command = format!("<code>dem-post {} --region 0,1,0,1,0,1 --out ", folder.path().display());
+    assert!(place("<h1>Balls &amp; more</h1>") < place(&command));
+    assert!(place(&command) < place("<h2>Results</h2>"));
+    let warnings = "<h2>Warnings</h2>\n<ul>\n<li>the largest overlap is 9 % &gt; 5 %</li>\n<li>a servo is off</li>";
+    assert!(place("<h2>Results</h2>") < place(warnings) && place(warnings) < place("<svg"));
+    assert!(page.contains("<a href=\"#section-warnings\">"));
+}

@@ -37,7 +37,14 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     let views = reports[0].bounds_m.map(|bounds| views(snapshot, &bounds));
     let walls = &snapshot.header.walls;
     let sections = page::sections(&reports, picture, views.as_ref(), &history, walls, &[]).unwrap();
-    let page = Page { title: "a <title>", reports: &reports, requested: &[], sections: &sections };
+    let page = Page {
+        title: "a <title>",
+        command: "",
+        warnings: &[],
+        reports: &reports,
+        requested: &[],
+        sections: &sections,
+    };
     let mut drawings: Vec<_> = page.plots().map(|p| (p.name.clone(), p.svg.clone())).collect();
     drawings.push(("page".into(), page.html()));
     drawings
@@ -146,8 +153,14 @@ fn the_page_begins_with_what_was_requested() {
         page::sections(&reports, "<svg></svg>".into(), None, &history, &[], &[]).unwrap();
     let requested = sections[2].plots.clone();
     sections.push(Section { title: "Nothing", plots: Vec::new() });
-    let page =
-        Page { title: "falling", reports: &reports, requested: &requested, sections: &sections };
+    let page = Page {
+        title: "falling",
+        command: "",
+        warnings: &[],
+        reports: &reports,
+        requested: &requested,
+        sections: &sections,
+    };
     let html = page.html();
     let expected =
         ["Results", "Series", "Last snapshot", "History of the run", "Numbers", "All snapshots"];

@@ -127,7 +127,14 @@ fn a_run_s_files_give_its_numbers_and_its_page_whoever_wrote_them() {
     let (walls, views) = (&header.walls, Some(&views));
     let sections = page::sections(&[report], picture, views, &run, walls, &targets).unwrap();
     let reports = [other.report];
-    let page = Page { title: "falling", reports: &reports, requested: &[], sections: &sections };
+    let page = Page {
+        title: "falling",
+        command: "",
+        warnings: &[],
+        reports: &reports,
+        requested: &[],
+        sections: &sections,
+    };
     let names: Vec<&str> = page.plots().map(|plot| plot.name.as_str()).collect();
     let of_snapshot = [
         "packing",

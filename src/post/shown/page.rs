@@ -81,6 +81,10 @@ fn of_snapshot(
 pub struct Page<'a> {
     /// Title of the scene.
     pub title: &'a str,
+    /// Command that makes the page.
+    pub command: &'a str,
+    /// Warnings of the run and of this program.
+    pub warnings: &'a [String],
     /// Reports of a series, in order.
     pub reports: &'a [Report],
     /// Plots of the requested measures.
@@ -97,7 +101,7 @@ impl<'a> Page<'a> {
 
     /// The page: results of the requested measures, then plots, then tables. Sections without content are left out.
     pub fn html(&self) -> String {
-        let parts: Vec<(&str, String)> = [("Results", self.results())]
+        let parts: Vec<(&str, String)> = [("Results", self.results()), ("Warnings", self.listed())]
             .into_iter()
             .chain(self.sections.iter().map(|section| (section.title, figures(&section.plots))))
             .chain([("Numbers", self.numbers()), ("All snapshots", series(self.reports))])
@@ -137,7 +141,7 @@ impl<'a> Page<'a> {
             let (step, time) = (report.summary.step, readable(report.summary.time_s));
             let _ = writeln!(out, "<p>Step {step} at t = {time} s, {place}{walls}.</p>");
         }
-        out.push_str("</header>\n");
+        let _ = write!(out, "<p><code>{}</code></p>\n</header>\n", escaped(self.command));
     }
 
     /// Links to all sections, and folded up to all plots.
@@ -164,6 +168,13 @@ impl<'a> Page<'a> {
             }
         }
         out + &figures(self.requested)
+    }
+
+    /// List of the warnings; empty without warnings.
+    fn listed(&self) -> String {
+        let items = self.warnings.iter().map(|text| format!("<li>{}</li>\n", escaped(text)));
+        let items: String = items.collect();
+        if items.is_empty() { items } else { format!("<ul>\n{items}</ul>\n") }
     }
 
     /// Tables of the last snapshot, below doubts about them.

@@ -1,17 +1,24 @@
-//! Sizes of the particles of a run beside the distribution requested by its scene, from the run's report.
+//! Sizes of the particles of a run beside the distribution requested by its scene, and its warnings, from the run's report.
 
 use super::draw::{Axes, BLUE, Mark, ORANGE, PlotError, SIZE, Series, chart, linear};
 use super::plots::{Plot, Width};
 use crate::files;
 use crate::output::report::Report;
 use crate::output::report::sizes::{Below, SizesOf};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
 use std::path::Path;
 
-/// Sizes in the report of a run's directory; empty without a readable report.
-pub fn beside(directory: &Path) -> Vec<SizesOf> {
+/// Sizes and warnings in the report of a run's directory; empty without a readable report.
+pub fn beside(directory: &Path) -> (Vec<SizesOf>, Vec<String>) {
     let text = files::read_to_string(&Report::path(directory)).unwrap_or_default();
-    let report: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
-    serde_json::from_value(report["sizes"].clone()).unwrap_or_default()
+    let report: Value = serde_json::from_str(&text).unwrap_or_default();
+    (read(&report["sizes"]), read(&report["warnings"]))
+}
+
+fn read<T: DeserializeOwned>(values: &Value) -> Vec<T> {
+    Vec::<T>::deserialize(values).unwrap_or_default()
 }
 
 /// Cumulative curves of each shape.
