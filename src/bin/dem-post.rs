@@ -14,8 +14,9 @@ use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
 use dem_mpi::post::measures::{Requested, Source};
 use dem_mpi::post::page::{self, Page, Section};
+use dem_mpi::post::picture::side_by_side;
 use dem_mpi::post::region::{Bounds, Margin, Region};
-use dem_mpi::post::report::csv;
+use dem_mpi::post::report::{csv, readable};
 use dem_mpi::post::series::{self, Analysed, Choice, Snapshot};
 use dem_mpi::post::sizes;
 use dem_mpi::post::surface::Detail;
@@ -186,8 +187,14 @@ fn write_results(
 ) -> Result<ExitCode> {
     let choice = choice(arguments);
     let beside = newest.parent().unwrap_or(Path::new("."));
-    let Analysed { mut reports, picture, left_out } = series::reports(snapshots, &choice)?;
+    let Analysed { mut reports, picture, mut earlier, left_out } =
+        series::reports(snapshots, &choice)?;
     let bounds = reports.last().and_then(|r| r.bounds_m);
+    if let (false, Some(report)) = (earlier.is_empty(), reports.last()) {
+        let time = format!("{} s", readable(report.summary.time_s));
+        earlier.push((time, picture.clone(), bounds));
+    }
+    let earlier = (!earlier.is_empty()).then(|| side_by_side(earlier));
     let drawing = picture.svg(bounds.as_ref());
     let (history, unread) = history_beside(beside);
     let newest = Reader::open(newest)?;
@@ -204,8 +211,15 @@ fn write_results(
     measured.add_to(&mut reports);
     let targets = servo::targets(&header.drives);
     let views = bounds.map(|bounds| Views::of(&newest, &bounds)).transpose()?;
-    let mut sections =
-        page::sections(&reports, drawing, views.as_ref(), &history, &header.walls, &targets)?;
+    let mut sections = page::sections(
+        &reports,
+        earlier,
+        drawing,
+        views.as_ref(),
+        &history,
+        &header.walls,
+        &targets,
+    )?;
     let (of_run, mut warnings) = sizes::beside(beside);
     warnings.extend(unread.iter().cloned());
     warnings.extend(measured.failed.iter().map(|error| format!("dem-post: {error}")));

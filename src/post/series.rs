@@ -1,8 +1,8 @@
 //! Series of snapshots of a run.
 
 use super::picture::Picture;
-use super::region::{Margin, Region, doubts};
-use super::report::Report;
+use super::region::{Bounds, Margin, Region, doubts};
+use super::report::{Report, readable};
 use super::{Analysis, PostError, Settings, analyse, inside};
 use crate::output::header::{Header, ShapeRow};
 use crate::output::snapshot::{Reader, step_of};
@@ -118,6 +118,8 @@ pub struct Analysed {
     pub reports: Vec<Report>,
     /// Picture of the last snapshot.
     pub picture: Picture,
+    /// Pictures of the first snapshot and the middle one, each with its time in words and its box.
+    pub earlier: Vec<(String, Picture, Option<Bounds>)>,
     /// A line with the number of skipped snapshots and the reason, if any is skipped.
     pub left_out: Option<String>,
 }
@@ -137,11 +139,11 @@ pub(super) fn left_out(name: &str, errors: &[impl Display], count: usize) -> Opt
 /// See [`PostError`]; with the file.
 pub fn reports(snapshots: &[Snapshot], choice: &Choice) -> Result<Analysed, PostError> {
     let mut reports: Vec<Report> = Vec::new();
-    let mut picture = Picture::default();
+    let (mut picture, mut earlier) = (Picture::default(), Vec::new());
     let mut is_anybody_there = false;
     let mut left = Vec::new();
     let last = snapshots.last().map(|snapshot| &snapshot.path);
-    for Snapshot { path, .. } in snapshots {
+    for (number, Snapshot { path, .. }) in snapshots.iter().enumerate() {
         let reader = &Reader::open(path)?;
         is_anybody_there = reader.particle_count() > 0;
         let name = path.display().to_string();
@@ -160,8 +162,15 @@ pub fn reports(snapshots: &[Snapshot], choice: &Choice) -> Result<Analysed, Post
         };
         match analysed() {
             Ok(analysis) => {
-                reports.push(analysis.report);
                 picture = analysis.picture;
+                // The first, and the first from the middle on.
+                let is_due = number >= earlier.len() * snapshots.len() / 2;
+                if is_due && earlier.len() < 2 && Some(path) != last {
+                    let Report { summary, bounds_m, .. } = &analysis.report;
+                    let time = format!("{} s", readable(summary.time_s));
+                    earlier.push((time, picture.clone(), *bounds_m));
+                }
+                reports.push(analysis.report);
             }
             Err(error) => {
                 let is_passed_over = choice.margin.is_some() && error.is_of_margin();
@@ -185,5 +194,5 @@ pub fn reports(snapshots: &[Snapshot], choice: &Choice) -> Result<Analysed, Post
         }
     }
     let left_out = left_out("reports", &left, snapshots.len());
-    Ok(Analysed { reports, picture, left_out })
+    Ok(Analysed { reports, picture, earlier, left_out })
 }

@@ -36,7 +36,8 @@ fn drawn(snapshot: &Snapshot, history: &str) -> Vec<(String, String)> {
     let history = History::read(history.as_bytes()).unwrap();
     let views = reports[0].bounds_m.map(|bounds| views(snapshot, &bounds));
     let walls = &snapshot.header.walls;
-    let sections = page::sections(&reports, picture, views.as_ref(), &history, walls, &[]).unwrap();
+    let sections =
+        page::sections(&reports, None, picture, views.as_ref(), &history, walls, &[]).unwrap();
     let page = Page {
         title: "a <title>",
         command: "",
@@ -149,8 +150,16 @@ fn the_page_begins_with_what_was_requested() {
     report.summary.q_pa = None;
     let reports = vec![report; 3];
     let history = History::read("time,energy\n0,1\n1,2\n".as_bytes()).unwrap();
-    let mut sections =
-        page::sections(&reports, "<svg></svg>".into(), None, &history, &[], &[]).unwrap();
+    let mut sections = page::sections(
+        &reports,
+        Some("<svg></svg>".into()),
+        "<svg></svg>".into(),
+        None,
+        &history,
+        &[],
+        &[],
+    )
+    .unwrap();
     let requested = sections[2].plots.clone();
     sections.push(Section { title: "Nothing", plots: Vec::new() });
     let page = Page {
@@ -173,6 +182,7 @@ fn the_page_begins_with_what_was_requested() {
     let titles: Vec<_> = links.iter().filter_map(|link| link.split('>').nth(1)).collect();
     assert_eq!(titles, expected);
     let place = |text: &str| html.find(text).unwrap_or_else(|| panic!("no {text}"));
+    assert!(place("id=\"snapshots\"") < place("id=\"stress_ratio\""));
     assert!(place("<nav>") < place("id=\"history_energy\""));
     assert!(place("id=\"history_energy\"") < place("id=\"packing\""));
     assert!(place("id=\"packing\"") < place("<table>"));

@@ -125,7 +125,7 @@ fn a_run_s_files_give_its_numbers_and_its_page_whoever_wrote_them() {
     let (views, of_three) = (views(&reader), views(&of_three));
     assert_eq!(views.plots().unwrap(), of_three.plots().unwrap());
     let (walls, views) = (&header.walls, Some(&views));
-    let sections = page::sections(&[report], picture, views, &run, walls, &targets).unwrap();
+    let sections = page::sections(&[report], None, picture, views, &run, walls, &targets).unwrap();
     let reports = [other.report];
     let page = Page {
         title: "falling",
@@ -324,6 +324,11 @@ fn a_series_may_be_longer_than_a_process_may_open_files() {
     let written = folder.path().join("post_series");
     let table = std::fs::read_to_string(written.join("report.csv")).unwrap();
     assert_eq!(table.lines().count(), 31);
+    // Snapshots are at 0, 1, ... 29 s.
+    let pictures = std::fs::read_to_string(written.join("snapshots.svg")).unwrap();
+    let place = |time: &str| pictures.find(&format!(">{time} s</text>")).expect("a title");
+    assert!(place("0") < place("15.00") && place("15.00") < place("29.00"));
+    assert_eq!(pictures.matches("font-size=\"14\"").count(), 3);
     let dumps = written
         .read_dir()
         .unwrap()

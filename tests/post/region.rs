@@ -494,6 +494,8 @@ fn a_margin_follows_the_walls_and_strains_stay_those_of_the_whole() {
         if step == 0 {
             let analysed = analysed.unwrap();
             assert_eq!(analysed.reports.len(), 2);
+            let times: Vec<&str> = analysed.earlier.iter().map(|one| one.0.as_str()).collect();
+            assert_eq!(times.len(), 1, "the other one is the last: {times:?}");
             let told = "reports: 1 of 3 snapshots are left out";
             let left_out = analysed.left_out.unwrap();
             assert!(left_out.starts_with(told), "{left_out}");

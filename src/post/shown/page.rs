@@ -24,19 +24,30 @@ pub struct Section {
 }
 
 /// Plots of a series in sections: plots over the series, plots and views of its last snapshot, and the history of the run with
-/// these walls and targets of their stresses.
+/// these walls and targets of their stresses. `earlier` is a picture of several snapshots.
 ///
 /// # Errors
 /// See [`PlotError`].
 pub fn sections(
     reports: &[Report],
+    earlier: Option<String>,
     picture: String,
     views: Option<&Views>,
     history: &History,
     walls: &[WallRow],
     targets: &[Target],
 ) -> Result<Vec<Section>, PlotError> {
-    let over_time = if reports.len() > 1 { plots::series(reports)? } else { Vec::new() };
+    let mut over_time = Vec::new();
+    if reports.len() > 1 {
+        over_time.extend(earlier.map(|svg| Plot {
+            name: "snapshots".into(),
+            title: "First, middle and last snapshot".into(),
+            caption: "Side views along y at one scale.".into(),
+            width: Width::Full,
+            svg,
+        }));
+        over_time.extend(plots::series(reports)?);
+    }
     let of_last = reports.last().map(|report| of_snapshot(report, picture, views)).transpose()?;
     Ok(vec![
         Section { title: "Series", plots: over_time },
