@@ -235,6 +235,21 @@ fn charts_show_what_they_are_given() {
             ["way (m)", "force (N)"].iter().all(|l| chart.labels.iter().any(|other| other == l))
         );
     }
+    // Points show their values, also those of a bar; lines across a chart and crowded charts do not.
+    let (axes, many) =
+        (linear("way (m)", "force (N)", 0.0..8.0, 0.0..100.0), vec![(1.0, 2.0); 501]);
+    let one = chart(SIZE, &axes, &[series("up", BLUE, Mark::Line, &rising)]).unwrap();
+    let titles: Vec<&str> =
+        elements(&one).iter().filter(|e| e.tag == "title").map(|e| e.text).collect();
+    assert_eq!(titles.len(), 4);
+    assert_eq!(titles[1], "up: way (m) 2.000, force (N) 0.4000");
+    let circles = Chart::read(&one).dots;
+    for ((_, found), expected) in circles.iter().zip(rising) {
+        Chart::read(&one).are(&[*found], &[expected]);
+    }
+    for unmarked in [series("", BLUE, Mark::Line, &many), series("", BLUE, Mark::Rule, &rising)] {
+        assert!(!chart(SIZE, &axes, &[unmarked]).unwrap().contains("<title>"));
+    }
     let bars = series("", BLUE, Mark::Bars(0.5, 0.25), &[(1.0, 3.0), (2.0, 8.0)]);
     let drawn = Chart::read(&chart(SIZE, &linear("x", "y", 0.0..4.0, 0.0..10.0), &[bars]).unwrap());
     let expected = [[1.0, 1.5, 3.0], [2.0, 2.5, 8.0]];

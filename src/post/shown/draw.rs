@@ -1,9 +1,11 @@
 //! Charts as SVG text, drawn with plotters. The colours are those of Okabe and Ito, which colour-blind readers can
 //! distinguish.
 
+use crate::post::report::readable;
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::prelude::*;
+use std::fmt::Write as _;
 use std::ops::Range;
 
 /// Error of drawing a plot.
@@ -148,12 +150,39 @@ pub fn linear(x_label: &str, y_label: &str, x: Range<f64>, y: Range<f64>) -> Axe
     Axes { x_label, y_label, x, y, log_x: false, log_y: false }
 }
 
-/// A chart of this size [px] with a legend above it.
+/// Largest number of points that show their values under the pointer.
+const MOST_WITH_VALUES: usize = 500;
+
+/// A point that shows its values: place in drawing units, and words.
+type Titled = ((i32, i32), String);
+
+/// A chart of this size [px] with a legend above it. Points show their values under the pointer, unless there are very many.
 ///
 /// # Errors
 /// See [`PlotError`].
 pub fn chart(size: (u32, u32), axes: &Axes, series: &[Series]) -> Result<String, PlotError> {
-    drawing(size.0, size.1, |canvas| panel(canvas, axes, series))
+    let mut titled = Vec::new();
+    let mut svg = drawing(size.0, size.1, |canvas| {
+        titled = titled_panel(canvas, axes, series)?;
+        Ok(())
+    })?;
+    if titled.is_empty() || titled.len() > MOST_WITH_VALUES {
+        return Ok(svg);
+    }
+    let mut circles = "<g fill=\"none\" pointer-events=\"all\">\n".to_owned();
+    for ((x, y), words) in titled {
+        let words = words.replace('&', "&amp;").replace('<', "&lt;");
+        let radius = px(4);
+        let _ = writeln!(
+            circles,
+            r#"<circle cx="{x}" cy="{y}" r="{radius}"><title>{words}</title></circle>"#
+        );
+    }
+    circles.push_str("</g>\n");
+    if let Some(end) = svg.rfind("</svg>") {
+        svg.insert_str(end, &circles);
+    }
+    Ok(svg)
 }
 
 /// Space on the left of a legend [px].
@@ -168,6 +197,11 @@ const RIGHT: i32 = 18;
 /// # Errors
 /// See [`PlotError`].
 pub fn panel(canvas: &Canvas, axes: &Axes, series: &[Series]) -> Result<(), PlotError> {
+    titled_panel(canvas, axes, series).map(drop)
+}
+
+/// Draws a chart, and returns its points with their values.
+fn titled_panel(canvas: &Canvas, axes: &Axes, series: &[Series]) -> Result<Vec<Titled>, PlotError> {
     let named: Vec<&Series> = series.iter().filter(|s| !s.name.is_empty()).collect();
     let rows = legend(canvas, &named)?;
     let top = if rows == 0 { 14 } else { 18 + LEGEND_ROW * rows };
@@ -190,12 +224,12 @@ pub fn panel(canvas: &Canvas, axes: &Axes, series: &[Series]) -> Result<(), Plot
     }
 }
 
-/// Draws grid, labels and series of a chart.
+/// Draws grid, labels and series of a chart, and returns its points with their values.
 fn fill<X, Y>(
     chart: &mut ChartContext<SVGBackend, Cartesian2d<X, Y>>,
     axes: &Axes,
     series: &[Series],
-) -> Result<(), PlotError>
+) -> Result<Vec<Titled>, PlotError>
 where
     X: Ranged<ValueType = f64> + ValueFormatter<f64>,
     Y: Ranged<ValueType = f64> + ValueFormatter<f64>,
@@ -245,7 +279,15 @@ where
             }
         }
     }
-    Ok(())
+    let of_values = series.iter().filter(|s| s.mark != Mark::Rule);
+    let points = of_values.flat_map(|s| s.points.iter().map(move |p| (s, p)));
+    let titled = points.filter(|(_, p)| p.0.is_finite() && p.1.is_finite()).map(|(s, p)| {
+        let name = if s.name.is_empty() { String::new() } else { format!("{}: ", s.name) };
+        let [x, y] = [(&axes.x_label, p.0), (&axes.y_label, p.1)]
+            .map(|(label, value)| format!("{label} {}", readable(value)));
+        (chart.backend_coord(p), format!("{name}{x}, {y}"))
+    });
+    Ok(titled.collect())
 }
 
 /// Draws swatches and names in as many rows as they need; returns the number of rows.
