@@ -281,7 +281,7 @@ fn the_program_tells_what_is_doubtful() {
             "towards +z the box of the packing ends at the outermost particle, even in flight";
         assert!(said.contains(&format!("\nwarning: {doubt}")), "{said}");
         let read = |file: &str| std::fs::read_to_string(out.join(file)).unwrap();
-        assert!(read("index.html").contains(&format!("Doubtful: {doubt}")));
+        assert!(read("index.html").contains(&format!("Warning: {doubt}")));
         let reports: Vec<Report> = serde_json::from_str(&read("report.json")).unwrap();
         assert!(matches!(&reports[0].doubts[..], [one] if one.starts_with(doubt)));
     }

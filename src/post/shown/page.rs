@@ -193,7 +193,7 @@ impl<'a> Page<'a> {
         let mut out = String::new();
         if let Some(report) = self.reports.last() {
             for doubt in &report.doubts {
-                let _ = writeln!(out, "<p>Doubtful: {}.</p>", escaped(doubt));
+                let _ = writeln!(out, "<p>Warning: {}.</p>", escaped(doubt));
             }
             tables(&report.groups(), &mut out);
         }
