@@ -67,7 +67,7 @@ impl Measured {
             title: format!("Mean ± scatter, {}", means[0].window.words(means[0].rows)),
             rows: means.iter().map(Mean::row).collect(),
         };
-        let same = |a: &Mean, b: &Mean| (a.window, a.rows) == (b.window, b.rows);
+        let same = |a: &Mean, b: &Mean| a.window == b.window;
         let means = self.means.chunk_by(same).map(of_window);
         [surface, mixing, flow].into_iter().flatten().chain(means).collect()
     }
