@@ -7,7 +7,7 @@ use super::rows::{Group, Row, readable, rows};
 use super::slope::Slope;
 use serde::{Deserialize, Serialize};
 
-/// Results at a snapshot. Those of the whole run stand at the last snapshot.
+/// Results at a snapshot. Results of the whole run stand at the last snapshot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// Free surface of the snapshot, with `--slope`.

@@ -12,7 +12,8 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::Command;
 
-/// A drum that turns by `rate` about an axis, with the torque `-3 + 0.5 sin(2π 5 t)` about it and 7 across it, for 2 s.
+/// History of a drum over 2 s. It turns by `rate` about an axis. The torque is `-3 + 0.5 sin(2π 5 t)` about the axis, and 7
+/// across it.
 fn turning(axis: Vec3, rate: f64) -> String {
     let mut table = "time_s,work_drum_J".to_owned();
     let names = ["torque_drum_{}_N_m", "angular_velocity_drum_{}_rad_per_s"];
