@@ -148,17 +148,20 @@ fn across(history: &History, walls: &[WallRow]) -> [Option<Points>; 3] {
     })
 }
 
-/// Mean horizontal stress over vertical stress, where the latter presses.
+/// Mean horizontal stress over vertical stress, where the latter is at least a tenth of its largest value: ratios of stresses
+/// near zero would hide all others.
 fn stress_ratio(history: &History, walls: &[WallRow]) -> Option<(String, &'static str, Points)> {
     let [x, y, z] = across(history, walls);
     let horizontal: Vec<Points> = [x, y].into_iter().flatten().collect();
     let first = horizontal.first()?;
+    let z = z?;
+    let least = 0.1 * z.iter().map(|point| point.1).fold(0.0, f64::max);
     let ratio = |(row, &(time, vertical)): (usize, &(f64, f64))| {
         let values = horizontal.iter().filter_map(|points| Some(points.get(row)?.1));
         let mean = values.sum::<f64>() / horizontal.len() as f64;
-        (vertical > 0.0).then_some((time, mean / vertical))
+        (vertical > 0.0 && vertical >= least).then_some((time, mean / vertical))
     };
-    let points: Points = z?.iter().enumerate().take(first.len()).filter_map(ratio).collect();
+    let points: Points = z.iter().enumerate().take(first.len()).filter_map(ratio).collect();
     Some(("horizontal over vertical stress, K0".into(), "", points))
 }
 
