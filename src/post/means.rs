@@ -27,16 +27,16 @@ pub struct Mean {
     pub mean: f64,
     /// Standard deviation of the rows.
     pub scatter: f64,
-    /// Time of the first and last row [s].
+    /// Time of the first and last row of the history in the window [s].
     #[serde(flatten)]
     pub window: Window,
-    /// Number of rows.
+    /// Number of rows with a value.
     pub rows: usize,
 }
 
 impl Mean {
-    fn of(quantity: String, unit: &str, points: &[(f64, f64)]) -> Option<Self> {
-        let [first, .., last] = points else { return None };
+    fn of(quantity: String, unit: &str, points: &[(f64, f64)], window: Window) -> Option<Self> {
+        let [_, _, ..] = points else { return None };
         let count = points.len() as f64;
         let mean = points.iter().map(|point| point.1).sum::<f64>() / count;
         let squares = points.iter().map(|point| (point.1 - mean).powi(2)).sum::<f64>();
@@ -45,7 +45,7 @@ impl Mean {
             unit: unit.into(),
             mean,
             scatter: (squares / (count - 1.0)).sqrt(),
-            window: Window { from: first.0, to: last.0 },
+            window,
             rows: points.len(),
         })
     }
@@ -78,19 +78,19 @@ pub fn means(
     }
     curves.extend(stress_ratio(history, walls));
     let found = !curves.is_empty();
-    let in_window = |points: Points| -> Points {
-        points.into_iter().filter(|&(time, _)| over.holds(time)).collect()
+    let in_window = |points: &[(f64, f64)]| -> Points {
+        points.iter().copied().filter(|&(time, _)| over.holds(time)).collect()
     };
+    let rows = in_window(rows);
+    let ends = rows.first().zip(rows.last());
+    let ends = ends.map_or(over, |(first, last)| Window { from: first.0, to: last.0 });
     let means: Vec<Mean> = curves
         .into_iter()
-        .filter_map(|(quantity, unit, points)| Mean::of(quantity, unit, &in_window(points)))
+        .filter_map(|(name, unit, points)| Mean::of(name, unit, &in_window(&points), ends))
         .collect();
     match window {
         Some(_) if !found => Err(MeasureError::NothingToAverage),
-        Some(_) if means.is_empty() => {
-            let rows = rows.iter().filter(|row| over.holds(row.0)).count();
-            Err(MeasureError::FewRows { rows })
-        }
+        Some(_) if means.is_empty() => Err(MeasureError::FewRows { rows: rows.len() }),
         _ => Ok(means),
     }
 }
@@ -148,17 +148,20 @@ fn across(history: &History, walls: &[WallRow]) -> [Option<Points>; 3] {
     })
 }
 
-/// Mean horizontal stress over vertical stress, where the latter presses.
+/// Mean horizontal stress over vertical stress, where the latter is at least a tenth of its largest value: ratios of stresses
+/// near zero would hide all others.
 fn stress_ratio(history: &History, walls: &[WallRow]) -> Option<(String, &'static str, Points)> {
     let [x, y, z] = across(history, walls);
     let horizontal: Vec<Points> = [x, y].into_iter().flatten().collect();
     let first = horizontal.first()?;
+    let z = z?;
+    let least = 0.1 * z.iter().map(|point| point.1).fold(0.0, f64::max);
     let ratio = |(row, &(time, vertical)): (usize, &(f64, f64))| {
         let values = horizontal.iter().filter_map(|points| Some(points.get(row)?.1));
         let mean = values.sum::<f64>() / horizontal.len() as f64;
-        (vertical > 0.0).then_some((time, mean / vertical))
+        (vertical > 0.0 && vertical >= least).then_some((time, mean / vertical))
     };
-    let points: Points = z?.iter().enumerate().take(first.len()).filter_map(ratio).collect();
+    let points: Points = z.iter().enumerate().take(first.len()).filter_map(ratio).collect();
     Some(("horizontal over vertical stress, K0".into(), "", points))
 }
 

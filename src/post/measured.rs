@@ -7,7 +7,7 @@ use super::rows::{Group, Row, readable, rows};
 use super::slope::Slope;
 use serde::{Deserialize, Serialize};
 
-/// Results at a snapshot. Those of the whole run stand at the last snapshot.
+/// Results at a snapshot. Results of the whole run stand at the last snapshot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// Free surface of the snapshot, with `--slope`.
@@ -67,7 +67,7 @@ impl Measured {
             title: format!("Mean ± scatter, {}", means[0].window.words(means[0].rows)),
             rows: means.iter().map(Mean::row).collect(),
         };
-        let same = |a: &Mean, b: &Mean| (a.window, a.rows) == (b.window, b.rows);
+        let same = |a: &Mean, b: &Mean| a.window == b.window;
         let means = self.means.chunk_by(same).map(of_window);
         [surface, mixing, flow].into_iter().flatten().chain(means).collect()
     }

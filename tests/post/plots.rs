@@ -304,7 +304,7 @@ fn targets_of_servos_are_drawn() {
     let plots = panels::panels(&history, &walls, &targets).unwrap();
     assert_eq!(plots.len(), 1);
     assert_eq!(plots[0].name, "history_wall_stresses");
-    assert_eq!(plots[0].svg.matches("target 750 Pa").count(), 1);
+    assert_eq!(plots[0].svg.matches("\ntarget 750 Pa\n").count(), 1);
     assert!(plots[0].svg.contains("lid") && !plots[0].svg.contains("target 5000 Pa"));
     // Three curves and one level line.
     let polylines = plots[0].svg.split("<polyline").skip(1);
