@@ -93,7 +93,7 @@
 //! // After a quarter of the period the wall is at its highest, and the bead, which it has struck, above it.
 //! assert!((sim.particles.walls[0].point.z - 2e-4).abs() < 1e-15);
 //! assert!(sim.particles.position[0].z > 1.2e-3);
-//! // What the wall has given to the bead is what it has.
+//! // The energy that the wall has given is that of the bead.
 //! let measures = sim.measure(&mut comm);
 //! assert!(measures.received > 0.0 && measures.missing().abs() < 1e-3 * measures.received);
 //! ```

@@ -135,7 +135,7 @@ fn mistakes_are_found_before_the_first_run() {
     falling(&directory, "");
     let friction = ["--vary", "material.glass.friction=0.1,0.2"];
     for (arguments, said) in [
-        (vec!["--vary", "material.glass.friction=0.1,-1"], "friction=-1: 1 mistake in the scene"),
+        (vec!["--vary", "material.glass.friction=0.1,-1"], "friction=-1: 1 error in the scene"),
         (vec!["--vary", "material.glas.friction=0.1"], "did you mean `glass`?"),
         (
             vec!["--vary", "seed=1", "--set", "stop.when=[{ column = \"z\", above = 1 }]"],
