@@ -29,8 +29,8 @@ struct Problem {
     steps: u64,
     /// Errors of translation, rotation, or both.
     error: Errors,
-    /// Errors with dashpots of second order, `foresee = true`.
-    foreseen: Option<Errors>,
+    /// Order and errors with dashpots of second order, `foresee = true`.
+    foreseen: Option<(f64, Errors)>,
     /// Errors of LAMMPS.
     of_lammps: Option<Errors>,
 }
@@ -77,23 +77,17 @@ impl Orders {
         }
     }
 
-    /// Adds the order of a quantity with these errors.
-    fn add(&mut self, problem: &Problem, what: &str, errors: &[f64]) {
-        if problem.order == 2.0 {
-            return self.add_second(what, errors);
-        }
-        let order = slope(errors);
-        let scale = if order < problem.order { 1.0 } else { f64::INFINITY };
-        let constant = errors[3] * (problem.steps << 3) as f64;
-        let row = format!("{what} (error {constant:.2e} / steps; {})", problem.why);
-        self.one.over(scale, row, problem.order, order);
-    }
-
-    /// Adds the order of a quantity whose errors should be of second order.
-    fn add_second(&mut self, what: &str, errors: &[f64]) {
-        let order = slope(errors);
-        let scale = if order < 2.0 { 1.0 } else { f64::INFINITY };
-        self.two.over(scale, format!("{what} (error {:.1e})", errors[3]), 2.0, order);
+    /// Adds the order of a quantity with these errors, and the reason of a first order.
+    fn add(&mut self, what: &str, (expected, why): (f64, &str), steps: u64, errors: &[f64]) {
+        let (order, finest) = (slope(errors), errors[3]);
+        let scale = if order < expected { 1.0 } else { f64::INFINITY };
+        let constant = finest * (steps << 3) as f64;
+        let (case, row) = if expected == 2.0 {
+            (&mut self.two, format!("{what} (error {finest:.1e})"))
+        } else {
+            (&mut self.one, format!("{what} (error {constant:.2e} / steps; {why})"))
+        };
+        case.over(scale, row, expected, order);
     }
 
     /// Adds errors beside those of LAMMPS.
@@ -146,18 +140,19 @@ pub(crate) fn run(effort: Effort) -> Findings {
     }
     for problem in problems() {
         let own = problem.errors(&*problem.error);
-        let foreseen = problem.foreseen.as_ref().map(|of| problem.errors(&**of));
+        let foreseen = problem.foreseen.as_ref().map(|(_, of)| problem.errors(&**of));
         let of_lammps = problem.of_lammps.as_ref().filter(|_| with_lammps);
         let theirs = of_lammps.map(|of| problem.errors(&**of));
         let mut curves = Vec::new();
         for (k, (quantity, errors)) in own.iter().enumerate() {
             let what = format!("{}: {quantity}", problem.name);
-            orders.add(&problem, &what, errors);
+            orders.add(&what, (problem.order, problem.why), problem.steps, errors);
             let points = problem.points(errors);
             curves.push(Curve::new(format!("{what}, order {:.2}", slope(errors)), points));
-            if let Some(foreseen) = &foreseen {
+            if let (Some((order, _)), Some(foreseen)) = (&problem.foreseen, &foreseen) {
                 let errors = &foreseen[k].1;
-                orders.add_second(&format!("{what}, foreseen"), errors);
+                let named = format!("{what}, foreseen");
+                orders.add(&named, (*order, PULLED_TO_THE_END), problem.steps, errors);
                 let name = format!("with foresee = true, order {:.2}", slope(errors));
                 curves.push(Curve::new(name, problem.points(errors)));
             }
@@ -230,6 +225,8 @@ fn start(setup: &Setup) -> Body {
 
 const WITH_DASHPOT: &str = "the dashpot's force is of a velocity that is not that of the positions";
 
+const PULLED_TO_THE_END: &str = "a contact that pulls at its end ends between two steps";
+
 /// The setup with dashpots of second order.
 fn foreseeing(mut setup: Setup) -> Setup {
     setup.text = setup.text.replacen("[law]", "[law]\nforesee = true", 1);
@@ -271,11 +268,12 @@ fn resting(name: &'static str, restitution: f64) -> Problem {
         why: WITH_DASHPOT,
         steps: 92,
         error: Box::new(move |n| error(&setup(n).run(n, n).pop().expect("an end").bodies[0])),
-        foreseen: (restitution < 1.0).then(|| -> Errors {
-            Box::new(move |n| {
+        foreseen: (restitution < 1.0).then(|| -> (f64, Errors) {
+            let of = move |n| {
                 let setup = foreseeing(setup(n));
                 error(&setup.run(n, n).pop().expect("an end").bodies[0])
-            })
+            };
+            (2.0, Box::new(of))
         }),
         of_lammps: Some(Box::new(move |n| {
             let setup = setup(n);
@@ -318,14 +316,15 @@ fn collision(name: &'static str, restitution: f64) -> Problem {
                 error(gap, &setup.run(n, n).pop().expect("an end").bodies[0])
             })
         }),
-        foreseen: (restitution < 1.0).then(|| -> Errors {
-            Box::new(move |n| {
+        foreseen: (restitution < 1.0).then(|| -> (f64, Errors) {
+            let of = move |n| {
                 mean(&|phase| {
                     let (gap, setup) = setup(n, phase);
                     let frames = foreseeing(setup).run(n, n);
                     error(gap, &frames.last().expect("an end").bodies[0])
                 })
-            })
+            };
+            (1.0, Box::new(of))
         }),
         of_lammps: Some(Box::new(move |n| {
             mean(&|phase| {
