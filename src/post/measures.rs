@@ -104,7 +104,7 @@ impl Shown {
     pub fn add_to(&self, reports: &mut [Report]) {
         if let Some(last) = reports.last_mut() {
             let notes = self.notes.iter().map(|note| note.trim_end().to_owned()).collect();
-            last.measured = Measured { notes, ..self.of_run.clone() };
+            *last.measured = Measured { notes, ..self.of_run.clone() };
         }
         for report in reports {
             let step = report.summary.step;

@@ -57,7 +57,7 @@ pub struct Report {
     pub forces: Option<Forces>,
     /// Results of requested measures, and means over a window.
     #[serde(default)]
-    pub measured: Measured,
+    pub measured: Box<Measured>,
 }
 
 /// Numbers of a snapshot: one row of the table. Keys end in their unit; those without a unit are counts or ratios.
@@ -301,7 +301,7 @@ impl Report {
             force_fabric,
             rose: parts.rose,
             forces,
-            measured: Measured::default(),
+            measured: Box::default(),
         }
     }
 

@@ -724,7 +724,7 @@ const MOST_STEPS: u64 = 1_000_000_000_000_000_000;
 
 /// Stable limit of the time step, if any contact can push.
 struct Limit {
-    limit: Option<TimeStepLimit>,
+    found: Option<TimeStepLimit>,
     /// Name of the shape that sets it.
     shape: String,
     /// Addition to the message about its stiffness.
@@ -734,14 +734,14 @@ struct Limit {
 impl Limit {
     fn of(law: &Choice, library: &Library) -> Self {
         let with = if law.resists_turning() { ", including rotation on springs" } else { "" };
-        let limit = time_step_limit(library, &*law.law(library));
-        let shape = limit.as_ref().map(|limit| library.names[limit.shape.index()].clone());
-        Self { limit, shape: shape.unwrap_or_default(), with }
+        let found = time_step_limit(library, &*law.law(library));
+        let shape = found.as_ref().map(|limit| library.names[limit.shape.index()].clone());
+        Self { found, shape: shape.unwrap_or_default(), with }
     }
 
     /// Automatic step [s].
     fn own_step(&self, given: &Given) -> Option<f64> {
-        let Some(limit) = &self.limit else {
+        let Some(limit) = &self.found else {
             given
                 .fail("no contact has a stiffness, so there is no stable limit: give a number [s]");
             return None;
@@ -763,7 +763,7 @@ impl Limit {
     }
 
     fn check(&self, section: &Section, time: &Time, library: &Library) {
-        let Some(limit) = &self.limit else { return };
+        let Some(limit) = &self.found else { return };
         if !limit.dt.is_normal()
             && !time.allow_unstable
             && let Some(given) = section.get("step")
