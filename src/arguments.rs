@@ -11,6 +11,12 @@ use std::sync::Arc;
 
 /// Exit status of a program with wrong arguments, or that could not print its output.
 pub const WRONG: u8 = 2;
+/// Exit status of a failed run.
+pub const FAILED: u8 = 1;
+/// Exit status of a run that a signal stopped, and that can continue.
+pub const STOPPED: u8 = 3;
+/// Exit status of a stage that is over without reaching its `[stop]`.
+pub const UNMET: u8 = 4;
 
 /// Prints to standard output in one piece. A reader that stops early, such as `head`, is no error; a full disk is.
 ///

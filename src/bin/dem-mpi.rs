@@ -1,7 +1,8 @@
 //! `dem-mpi SCENE`: arguments → scene → simulation → run.
 
 use clap::{CommandFactory, Parser};
-use dem_mpi::arguments::{self, About};
+// A wrong scene or argument is known on all ranks; the message is on rank 0.
+use dem_mpi::arguments::{self, About, FAILED, STOPPED, UNMET, WRONG as WRONG_INPUT};
 use dem_mpi::comm::{Comm, agree, alone::Alone, linked, threads, wire, world};
 use dem_mpi::ids::GlobalId;
 use dem_mpi::output::performance::Performance;
@@ -141,15 +142,6 @@ impl Arguments {
         self.scene.as_deref().unwrap_or_else(|| Path::new(""))
     }
 }
-
-/// The scene or an argument is wrong: known on all ranks, the message is on rank 0.
-const WRONG_INPUT: u8 = 2;
-/// The run failed.
-const FAILED: u8 = 1;
-/// A signal stopped the run, and it can continue.
-const STOPPED: u8 = 3;
-/// The stage is over, and its `[stop]` was not reached.
-const UNMET: u8 = 4;
 
 /// A number of steps in the notation of a scene: 20000, 20_000 or 2e4.
 fn steps(given: &str) -> Result<u64, String> {

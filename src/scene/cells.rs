@@ -1,26 +1,26 @@
 //! Tables of text: the names of columns, and the cells of each row with their line.
 //!
-//! Two kinds are read here, cells between commas ([`csv`]) and cells between blanks ([`blanks`]); those of LAMMPS come in the same form.
-//! The names stand in the first line, or in a comment before it. Lines that begin with `#` are comments.
+//! Cells are separated by commas ([`csv`]) or blanks ([`blanks`]). Files of LAMMPS are read into the same form. Names are in the first line, or
+//! in a comment above it. Lines that begin with `#` are comments.
 
 use crate::math::Vec3;
 use crate::text::{self, Lines, shown};
 use csv::StringRecord;
 use std::path::Path;
 
-/// So many mistakes of a file are listed, the others counted.
+/// Number of errors of a file that are listed; the others are counted.
 const SHOWN: usize = 5;
 
-/// Line and cells of a row, or what is wrong with it.
+/// Line and cells of a row, or its error.
 pub(super) type Row = Result<(usize, StringRecord), String>;
 
 /// A table.
 pub(super) struct Cells<'a> {
     pub(super) names: Vec<String>,
     pub(super) rows: Box<dyn Iterator<Item = Row> + 'a>,
-    /// Columns of other names are left out, and the same number may stand in several.
+    /// Whether columns of other names are skipped, and several may have the same quantity.
     pub(super) is_rich: bool,
-    /// The box of the particles, with those of its axes that repeat.
+    /// Box of the particles, with its periodic axes.
     pub(super) bounds: Option<Bounds>,
     /// Warnings.
     pub(super) doubts: Vec<String>,
@@ -61,7 +61,7 @@ pub(super) fn header(reader: &mut csv::Reader<&[u8]>) -> Result<StringRecord, Ve
     Ok(header)
 }
 
-/// The first mistakes, and how many more there are.
+/// First errors, and the number of further ones.
 pub(super) fn few(mut mistakes: Vec<String>) -> Vec<String> {
     if mistakes.len() > SHOWN {
         let more = mistakes.len() - SHOWN;
@@ -71,14 +71,14 @@ pub(super) fn few(mut mistakes: Vec<String>) -> Vec<String> {
     mistakes
 }
 
-/// The line in which a record stands. Its position may be before blank lines and comments.
+/// Line of a record. Its position may be before blank lines and comments.
 pub(super) fn line_of(record: &StringRecord, text: &str, lines: &Lines) -> usize {
     let begin = record.position().map_or(0, |position| position.byte() as usize);
     let is_skipped = |line: &&str| line.trim().is_empty() || line.starts_with('#');
     lines.at(begin) + text[begin..].lines().take_while(is_skipped).count()
 }
 
-/// A table with commas. `is_name` knows the columns that there are.
+/// A table with commas. `is_name` tells whether a column exists.
 pub(super) fn csv<'a>(
     text: &'a str,
     is_name: &dyn Fn(&str) -> bool,
@@ -137,7 +137,7 @@ impl<'a> Cells<'a> {
     }
 }
 
-/// Lines with something in them, from 1, without comments.
+/// Lines that are not empty, numbered from 1, without comments.
 pub(super) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     (1..)
         .zip(text.lines())

@@ -763,17 +763,14 @@ impl Limit {
     }
 
     fn check(&self, section: &Section, time: &Time, library: &Library) {
-        let Some(limit) = &self.found else { return };
-        if !limit.dt.is_normal()
-            && !time.allow_unstable
-            && let Some(given) = section.get("step")
-        {
+        let (Some(limit), Some(given), false) =
+            (&self.found, section.get("step"), time.allow_unstable)
+        else {
+            return;
+        };
+        if !limit.dt.is_normal() {
             given.fail(self.out_of_range(limit));
-        }
-        if time.dt > limit.dt
-            && !time.allow_unstable
-            && let Some(given) = section.get("step")
-        {
+        } else if time.dt > limit.dt {
             given.fail(format!(
                 "over the stable limit of {:.2e} s, set by shape `{}` ({}{}); use step = \"auto\", a shorter step, \
                  more mass or less stiffness, or set time.allow_unstable = true",

@@ -1,12 +1,12 @@
 //! Files of LAMMPS as tables: data files ([`data`]) and text dumps ([`dump`]).
 //!
-//! | file | what is read | from |
+//! | file | content that is read | source |
 //! |---|---|---|
 //! | data file | `Atoms` of `atom_style sphere` (LIGGGHTS: `granular`) and `ellipsoid`, `Ellipsoids`, `Velocities` | <https://docs.lammps.org/read_data.html> |
 //! | dump | `ITEM: ATOMS` with any columns, in the box of `ITEM: BOX BOUNDS` | <https://docs.lammps.org/dump.html> |
 //!
-//! In both `shapex shapey shapez` are full lengths, in dumps since LAMMPS of July 2020
-//! (<https://gitlab.com/stuko/ovito/-/issues/213>); quaternions of data files begin with w. Boxes that are tilted are refused.
+//! In both, `shapex shapey shapez` are full lengths, in dumps since LAMMPS of July 2020
+//! (<https://gitlab.com/stuko/ovito/-/issues/213>); quaternions of data files begin with w. Tilted boxes are rejected.
 
 use super::cells::{Bounds, Cells, lines, number};
 use crate::math::Vec3;
@@ -35,7 +35,7 @@ struct Section<'a> {
     lines: Vec<(usize, &'a str)>,
 }
 
-/// Does a text look like a data file? Its first line is anything; then it has the number of atoms, before any section.
+/// Is a text a data file? After a first line of any kind it has the number of atoms, before any section.
 pub(super) fn is_data(text: &str) -> bool {
     let head = lines_below_the_first(text).take_while(|(_, line)| !is_title(line));
     head.take(100).any(|(_, line)| atoms(line).is_some())
@@ -83,7 +83,7 @@ fn sections(text: &str) -> Found<(Option<usize>, Vec<Section<'_>>)> {
 
 type ById<'a> = BTreeMap<u64, Vec<&'a str>>;
 
-/// The numbers of each particle in a section, by its id: so many behind the id.
+/// Numbers of each particle in a section, by its id; `count` numbers follow the id.
 fn by_id<'a>(section: &Section<'a>, count: usize) -> Found<ById<'a>> {
     let mut all = BTreeMap::new();
     for &(line, cells) in &section.lines {
@@ -173,7 +173,7 @@ impl Atoms<'_> {
         names
     }
 
-    /// An atom with what is known of it elsewhere.
+    /// Row of an atom, with its data from other sections.
     fn row(&self, cells: &str) -> Result<StringRecord, String> {
         let mut cells: Vec<&str> = cells.split_whitespace().collect();
         if !matches!(cells.len(), 7 | 10) {

@@ -2,7 +2,7 @@
 //!
 //! Columns in any order: `x,y,z` [m]; and, each group whole or not at all, `qw,qx,qy,qz` (body to
 //! world, of any length), `vx,vy,vz` [m/s], `wx,wy,wz` [rad/s, world axes]; and `shape` (a name),
-//! which may be missing if there is only one, or `type`, which `types` turns into a name; and `id`; and the size:
+//! which may be missing if there is only one, or `type`, which `types` maps to a name; `id`; and the size:
 //!
 //! | columns | lengths of the particle over those of its shape |
 //! |---|---|
@@ -11,8 +11,8 @@
 //! | `shapex,shapey,shapez` [m] | full lengths along its own axes, over those of the shape, which must be in the same proportion |
 //! | none | 1 |
 //!
-//! Other names for the same columns are those of LAMMPS and Yade ([`ALIASES`]), and what the scene says in `columns`. Particles keep the ids of the file
-//! and stand in their order, so that the order of rows, which differs from dump to dump, changes nothing.
+//! Columns may have their names in LAMMPS and Yade ([`ALIASES`]), or names that the scene maps by `columns`. Particles keep the ids of the file and are
+//! sorted by them: the order of rows, which differs from dump to dump, has no effect.
 
 use super::Listed;
 use super::cells::{self, Bounds, Cells, few, lines, number};
@@ -33,7 +33,7 @@ const COLUMNS: [&str; 19] = [
     "id", "radius", "diameter", "type",
 ];
 
-/// Columns of LAMMPS and Yade that mean the same.
+/// Names of the columns in LAMMPS and Yade.
 const ALIASES: [(&str, &str); 9] = [
     ("quatw", "qw"),
     ("quati", "qx"),
@@ -69,12 +69,12 @@ const OF_LAMMPS: [&str; 19] = [
     "element",
 ];
 
-/// How far the proportions of an ellipsoid may differ from those of its shape: dumps have six digits.
+/// Largest relative difference between the proportions of an ellipsoid and of its shape: dumps have six digits.
 const SAME_FORM: f64 = 1e-4;
-/// How far the density of a file may differ from that of the material before it is warned of.
+/// Largest relative difference between the density of a file and of the material without a warning.
 const SAME_DENSITY: f64 = 1e-3;
 
-/// Has a table this column, under any of its names?
+/// Is this a column, under any of its names?
 pub(super) fn is_column(name: &str) -> bool {
     COLUMNS.contains(&name)
         || OF_LAMMPS.contains(&name)
@@ -86,7 +86,7 @@ pub(super) fn like(name: &str) -> String {
     suggestion(name, COLUMNS, "allowed")
 }
 
-/// How a file is written.
+/// Format of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
     Commas,
@@ -106,9 +106,9 @@ pub(super) struct Source<'a> {
     pub(super) columns: BTreeMap<&'a str, &'a str>,
     /// Names of shapes.
     pub(super) shapes: Vec<&'a str>,
-    /// Unless a shape has a mistake.
+    /// `None` if a shape has an error.
     pub(super) library: Option<&'a Library>,
-    /// Ids below belong to others.
+    /// Lower ids belong to other fills.
     pub(super) first_id: u64,
 }
 
@@ -119,8 +119,7 @@ impl Source<'_> {
         ALIASES.iter().find(|(other, _)| *other == name).map_or(name, |(_, own)| own)
     }
 
-    /// The particles of a file in the order of their ids, and what is doubtful, or what is wrong. `wrong` says of a
-    /// particle why it may not be there.
+    /// Particles of a file in the order of their ids, with warnings; or errors. `wrong` gives the reason why a particle is rejected.
     pub(super) fn read(
         &self,
         path: &Path,
@@ -219,7 +218,7 @@ impl Source<'_> {
     }
 }
 
-/// By the first line and the ending of the name.
+/// Format by the first line and the extension of the name.
 fn format_of(path: &Path, text: &str) -> Format {
     let begin = text.lines().map(str::trim).find(|line| !line.is_empty()).unwrap_or_default();
     let first = lines(text).next().map_or("", |(_, cells)| cells);
@@ -236,23 +235,23 @@ fn format_of(path: &Path, text: &str) -> Format {
     }
 }
 
-/// Where the size of a particle stands.
+/// Columns of the size of a particle.
 enum Size {
     One,
     Scale(usize),
-    /// Times this number it is a radius.
+    /// Column, and factor to the radius.
     Radius(usize, f64),
     Lengths([usize; 3]),
 }
 
-/// Where the shape of a particle stands.
+/// Column of the shape of a particle.
 enum Form {
     Only,
     Shape(usize),
     Type(usize),
 }
 
-/// Where each group of columns stands.
+/// Positions of all groups of columns.
 struct Columns<'a> {
     source: &'a Source<'a>,
     names: Vec<String>,
@@ -284,7 +283,7 @@ fn three(columns: &[usize]) -> [usize; 3] {
     [columns[0], columns[1], columns[2]]
 }
 
-/// The columns by their names in this program, and what is wrong with them.
+/// Names of the columns in this program, and their errors.
 fn named<'b>(source: &'b Source, cells: &'b Cells) -> (Vec<&'b str>, Vec<String>) {
     let mut mistakes = Vec::new();
     let names: Vec<&str> = cells.names.iter().map(|name| source.own(name)).collect();
@@ -374,7 +373,7 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// Columns of a dump that may be the orientation, which has none.
+    /// Warning about skipped columns of a dump without orientations, which may be these.
     fn unread(&self) -> Option<String> {
         let unread = self
             .names
@@ -495,7 +494,7 @@ impl<'a> Columns<'a> {
         Ok(scale)
     }
 
-    /// The place of a particle: where the box repeats, that within it.
+    /// Place of a particle, moved into a periodic box.
     fn in_the_box(&self, place: Vec3) -> Vec3 {
         let Some(Bounds { low, high, periodic }) = self.bounds else { return place };
         let size = high - low;
@@ -530,7 +529,7 @@ impl<'a> Columns<'a> {
         }
     }
 
-    /// Says that the density of the file is not that of the material.
+    /// Warning about a density of the file that is not that of the material.
     fn density(&self, record: &StringRecord, row: &Listed) -> Option<String> {
         let library = self.source.library?;
         let given = self.number(record, self.density?).ok()?;

@@ -291,10 +291,9 @@ fn rows(path: &Path, value: &str) -> Result<Vec<(f64, f64)>, Vec<String>> {
             }
         };
         let line = cells::line_of(&record, &text, &lines);
-        let numbers = record.iter().map(|cell| {
-            let number = cell.parse::<f64>().ok().filter(|number| number.is_finite());
-            number.ok_or_else(|| format!("line {line}: `{}` is not a number", shown(cell)))
-        });
+        let numbers = record
+            .iter()
+            .map(|cell| cells::number(cell).map_err(|what| format!("line {line}: {what}")));
         match numbers.collect::<Result<Vec<_>, _>>() {
             Err(what) => mistakes.push(what),
             Ok(numbers) => match (&*numbers, rows.last()) {

@@ -1,15 +1,18 @@
 //! Many runs of one scene: `dem-mpi sweep`.
 //!
-//! Each combination of values is a run of this program as a child process, in a folder of its own. Beside what a run writes there are
-//! in that folder `scene.toml`, the scene with the values; `log.txt`, what the run printed; and `sweep.json`, how it ended and
-//! how long it took. The folder of the sweep has `sweep.csv`, a row for each run, and `sweep.svg`, what was measured against the
-//! first key that has several numbers.
+//! Each combination of values is a run of this program as a child process, in its own folder. Beside the files of the run this folder has
 //!
-//! A sweep that is called again goes on: runs that are done stay, others go on from their newest snapshot.
+//! * `scene.toml`, the scene with the values;
+//! * `log.txt`, the messages of the run;
+//! * `sweep.json`, its status and its time.
+//!
+//! The folder of the sweep has `sweep.csv`, a row for each run, and `sweep.svg`, the measures against the first key with several numbers.
+//! The next call of a sweep continues it: finished runs stay, others go on from their newest snapshot.
 
 mod results;
 mod varied;
 
+use crate::arguments::{FAILED, STOPPED, UNMET};
 use crate::comm::alone::Alone;
 use crate::files;
 use crate::output::report::version;
@@ -29,16 +32,12 @@ use std::thread::{available_parallelism, sleep};
 use std::time::{Duration, Instant};
 pub use varied::{Combination, Varied, combinations};
 
-/// Combinations whose mistakes are shown, the others counted.
+/// Number of combinations whose errors are printed; the others are counted.
 const SHOWN: usize = 3;
-/// So many lines of what a failed run printed are shown.
+/// Number of last messages of a failed run that are printed.
 const WORDS: usize = 4;
-/// Between looks at the runs.
+/// Time between checks of the runs.
 const POLL: Duration = Duration::from_millis(20);
-/// Statuses with which a run ends, as `dem-mpi --help` has them.
-const FAILED: u8 = 1;
-const STOPPED: i32 = 3;
-const UNMET: i32 = 4;
 
 /// Run a scene with all combinations of values, each in a folder of its own, and put what came out in one table.
 ///
@@ -70,17 +69,17 @@ pub struct Sweep {
     ranks: u32,
 }
 
-/// How a run stands.
+/// Status of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Status {
-    /// It has not ended.
+    /// Not ended.
     #[default]
     Open,
     Done,
-    /// Done, and `[stop]` was not reached.
+    /// Done without reaching `[stop]`.
     Unmet,
-    /// A signal stopped it, and it can go on.
+    /// Stopped by a signal; can continue.
     Stopped,
     Failed,
 }
@@ -112,7 +111,7 @@ struct State {
 /// A run.
 struct Job {
     combination: Combination,
-    /// As `--set` has them.
+    /// Overrides, as for `--set`.
     overrides: Vec<String>,
     /// The scene with them.
     text: String,
@@ -122,16 +121,16 @@ struct Job {
 }
 
 impl Sweep {
-    /// Runs all that is not done, until `signal` has a number. Returns the status to end with.
+    /// Runs all unfinished jobs, until `signal` has a number. Returns the exit status.
     ///
     /// # Errors
     /// Errors of the scene or the arguments; no run has begun.
     pub fn run(&self, signal: &AtomicUsize) -> Result<u8, String> {
-        let mut jobs = self.jobs()?;
+        let jobs = self.jobs()?;
         let (first, _) = jobs.first().ok_or("nothing to run")?;
         let out = first.folder.parent().unwrap_or(Path::new("")).to_owned();
         let names = self.names(&jobs)?;
-        let mut jobs: Vec<Job> = jobs.drain(..).map(|(job, _)| job).collect();
+        let mut jobs: Vec<Job> = jobs.into_iter().map(|(job, _)| job).collect();
         for job in &mut jobs {
             job.take_up()?;
             if job.state.status.is_over() {
@@ -207,20 +206,22 @@ impl Sweep {
         }
         let mut all: Vec<String> = Vec::new();
         for (_, columns) in jobs {
-            let more: Vec<&String> = columns.iter().filter(|name| !all.contains(name)).collect();
-            all.extend(more.into_iter().cloned().collect::<Vec<_>>());
+            for name in columns {
+                if !all.contains(name) {
+                    all.push(name.clone());
+                }
+            }
         }
         Ok(all)
     }
 }
 
 impl Job {
-    /// The state in which a sweep before has left it.
+    /// Restores the state of an earlier call.
     fn take_up(&mut self) -> Result<(), String> {
         let folder = &self.folder;
-        if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none())
-            || !folder.exists()
-        {
+        let is_empty = fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_none());
+        if is_empty || !folder.exists() {
             return Ok(());
         }
         let state = files::read_to_string(&folder.join("sweep.json")).ok();
@@ -256,7 +257,7 @@ impl Job {
         entries.into_iter().any(|entry| snapshot::step_of(&entry.path()).is_some())
     }
 
-    /// The last lines that the run has printed.
+    /// Last messages of the run.
     fn last_words(&self) -> String {
         let text = fs::read(self.folder.join("log.txt")).unwrap_or_default();
         let text = String::from_utf8_lossy(&text);
@@ -265,13 +266,13 @@ impl Job {
     }
 }
 
-/// A sweep at work.
+/// A sweep in progress.
 struct Running<'a> {
     order: &'a Sweep,
     out: &'a Path,
     names: &'a [String],
     jobs: Vec<Job>,
-    /// Those that run, by the places of their jobs.
+    /// Running processes with the indices of their jobs.
     children: Vec<(usize, Child, Instant)>,
 }
 
@@ -311,7 +312,7 @@ impl Running<'_> {
         }
     }
 
-    /// Begins a run, or goes on with it.
+    /// Starts a run, or continues it.
     fn start(&mut self, job: usize) -> io::Result<Child> {
         self.jobs[job].state.status = Status::Open;
         let Job { folder, text, overrides, .. } = &self.jobs[job];
@@ -357,7 +358,7 @@ impl Running<'_> {
         }
     }
 
-    /// Takes note of runs that have ended.
+    /// Notes the runs that have ended.
     fn look(&mut self, is_stopping: bool) -> io::Result<()> {
         let mut at = 0;
         while at < self.children.len() {
@@ -368,10 +369,10 @@ impl Running<'_> {
             };
             let (job, seconds) = (*job, begin.elapsed().as_secs_f64());
             self.children.swap_remove(at);
-            let status = match ended.code() {
-                Some(0) => Status::Done,
-                Some(UNMET) => Status::Unmet,
-                Some(STOPPED) => Status::Stopped,
+            let status = match ended.code().map(u8::try_from) {
+                Some(Ok(0)) => Status::Done,
+                Some(Ok(UNMET)) => Status::Unmet,
+                Some(Ok(STOPPED)) => Status::Stopped,
                 _ if is_stopping => Status::Stopped,
                 _ => Status::Failed,
             };
@@ -413,7 +414,7 @@ impl Running<'_> {
         )
     }
 
-    /// Draws the plot, and says what is not done. The status to end with.
+    /// Draws the plot and lists unfinished runs. Returns the exit status.
     fn end(&self) -> io::Result<u8> {
         let plot = self.out.join("sweep.svg");
         let drawn = if self.order.measure.is_empty() {
@@ -434,10 +435,10 @@ impl Running<'_> {
         };
         let mut answer = 0;
         for (status, end, what) in [
-            (Status::Unmet, 4, "have done all their steps without reaching [stop]"),
-            (Status::Open, 3, "have not begun: call the sweep again"),
-            (Status::Stopped, 3, "were stopped: call the sweep again"),
-            (Status::Failed, 1, "failed (see log.txt in their folders)"),
+            (Status::Unmet, UNMET, "have done all their steps without reaching [stop]"),
+            (Status::Open, STOPPED, "have not begun: call the sweep again"),
+            (Status::Stopped, STOPPED, "were stopped: call the sweep again"),
+            (Status::Failed, FAILED, "failed (see log.txt in their folders)"),
         ] {
             let count = of(status).count();
             if count > 0 {

@@ -56,7 +56,7 @@ pub(super) struct Row<'a> {
     pub(super) folder: &'a str,
     pub(super) status: &'a str,
     pub(super) wall_s: f64,
-    /// In the order of the names; empty if the run is not done.
+    /// Values in the order of the names; empty if the run is not done.
     pub(super) measured: &'a [Option<f64>],
 }
 

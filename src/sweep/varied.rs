@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-/// More runs than these are taken for a typing error.
+/// Largest number of runs; more are probably a typing error.
 const MOST_RUNS: usize = 10_000;
 /// Longer names of folders are cut, and numbered [bytes].
 const LONGEST_NAME: usize = 150;
@@ -12,7 +12,7 @@ const LONGEST_NAME: usize = 150;
 pub struct Varied {
     /// Its path, as in `--set`.
     pub key: String,
-    /// As TOML has them.
+    /// Values in TOML notation.
     pub values: Vec<String>,
 }
 
@@ -52,7 +52,7 @@ impl Varied {
         Ok(Self { key: key.to_owned(), values })
     }
 
-    /// Do its values stand for repetitions of one run?
+    /// Are its values repetitions of one run?
     pub fn is_seed(&self) -> bool {
         self.short() == "seed"
     }
@@ -63,7 +63,7 @@ impl Varied {
     }
 }
 
-/// The whole numbers from one to another, if it is that.
+/// Whole numbers of a range like `1..3`; `None` for other texts.
 fn range(list: &str) -> Option<Result<Vec<String>, String>> {
     let (first, last) = list.split_once("..")?;
     let (first, last): (i64, i64) = (first.trim().parse().ok()?, last.trim().parse().ok()?);
@@ -76,7 +76,7 @@ fn range(list: &str) -> Option<Result<Vec<String>, String>> {
     Some(Ok((first..=last).map(|number| number.to_string()).collect()))
 }
 
-/// The parts between commas that stand in no brackets and no quotes.
+/// Parts between commas outside of brackets and quotes.
 fn split(list: &str) -> Vec<String> {
     let (mut parts, mut depth, mut quote) = (vec![String::new()], 0_i64, None);
     for c in list.chars() {
@@ -101,7 +101,7 @@ fn split(list: &str) -> Vec<String> {
 /// All combinations, the last key fastest.
 ///
 /// # Errors
-/// A key is there twice, or there are too many.
+/// If a key occurs twice, or there are too many combinations.
 pub fn combinations(all: &[Varied]) -> Result<Vec<Combination>, String> {
     let keys: BTreeSet<&String> = all.iter().map(|varied| &varied.key).collect();
     if let (true, Some(twice)) = (
@@ -139,7 +139,7 @@ pub fn combinations(all: &[Varied]) -> Result<Vec<Combination>, String> {
     Ok((0..count).map(combination).collect())
 }
 
-/// A text with characters that every file system and shell takes in names.
+/// A text in characters that every file system and shell accepts in names.
 fn plain(text: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-+=.,".contains(c);
     text.chars()

@@ -28,24 +28,24 @@ const FACE_CENTRED: Lattice =
 /// Balls on a lattice whose neighbours overlap by this fraction of the diameter.
 fn lattice(
     (edge, balls): Lattice,
-    count: u32,
+    [nx, ny, nz]: [u32; 3],
     overlap: f64,
     [material, law, cell]: [&str; 3],
     step: f64,
 ) -> Scene {
     let edge = edge * DIAMETER * (1.0 - overlap);
-    let side = edge * f64::from(count);
+    let sides = [nx, ny, nz].map(|count| edge * f64::from(count));
     let mut fills = String::new();
     for ball in balls {
         let [x, y, z] = ball.map(|part| (part + 0.25) * edge);
         write!(
             fills,
-            "[[fill.lattice]]\nfirst = [{x:?}, {y:?}, {z:?}]\ncount = [{count}, {count}, {count}]\nspacing = {edge:?}\n"
+            "[[fill.lattice]]\nfirst = [{x:?}, {y:?}, {z:?}]\ncount = [{nx}, {ny}, {nz}]\nspacing = {edge:?}\n"
         )
         .unwrap();
     }
     scene(&format!(
-        "[domain]\nlow = [0, 0, 0]\nhigh = [{side:?}, {side:?}, {side:?}]\nperiodic = [true, true, true]\n[cell]\n{cell}\n\
+        "[domain]\nlow = [0, 0, 0]\nhigh = {sides:?}\nperiodic = [true, true, true]\n[cell]\n{cell}\n\
          [[material]]\nname = \"steel\"\ndensity = 2000.0\n{material}\n{law}\n\
          [[shape]]\nname = \"ball\"\nkind = \"sphere\"\ndiameter = {DIAMETER:?}\n{fills}[time]\nstep = {step:?}\nallow_unstable = true\n\
          [neighbours]\nskin = 1e-5\n"
@@ -68,7 +68,7 @@ fn moduli(of: Lattice, count: u32, overlap: f64) -> [f64; 3] {
     let strained = |component: &str| {
         let cell = format!("{component} = {{ rate = {:?} }}", STRAIN / step);
         let mut sim = begun(
-            &lattice(of, count, overlap, [&material, "", &cell], step),
+            &lattice(of, [count; 3], overlap, [&material, "", &cell], step),
             &mut Alone::default(),
         );
         let before = stress(&sim);
@@ -115,7 +115,7 @@ fn a_face_centred_lattice_of_hertz_follows_its_closed_form() {
     let material = "youngs_modulus = 1e9\npoisson_ratio = 0.25";
     let law = "[law]\nnormal = \"hertz\"";
     let cell = "isotropic = { rate = 10.0 }";
-    let scene = lattice(FACE_CENTRED, 3, 0.0, [material, law, cell], 1e-6);
+    let scene = lattice(FACE_CENTRED, [3; 3], 0.0, [material, law, cell], 1e-6);
     let mut sim = begun(&scene, &mut Alone::default());
     let side = sim.particles.cell.sides().x;
     for look in 0..5 {
@@ -140,34 +140,19 @@ const LONG: u32 = 24;
 
 /// Square of the frequency of a standing wave along x [1/s²], over the mean stiffness `NORMAL` per mass of a ball. The wave displaces balls along
 /// the given axis. `tangential` and `friction` are keys of the material.
-fn frequency_squared((edge, balls): Lattice, axis: usize, overlap: f64, friction: bool) -> f64 {
+fn frequency_squared(of: Lattice, axis: usize, overlap: f64, friction: bool) -> f64 {
     let step = 2e-6;
-    let edge = edge * DIAMETER * (1.0 - overlap);
-    let keys = if friction {
-        format!("tangential_stiffness = {TANGENTIAL:?}\nfriction = 100.0")
-    } else {
-        String::new()
-    };
-    let mut fills = String::new();
-    for ball in balls {
-        let [x, y, z] = ball.map(|part| (part + 0.25) * edge);
-        write!(
-            fills,
-            "[[fill.lattice]]\nfirst = [{x:?}, {y:?}, {z:?}]\ncount = [{LONG}, 3, 3]\nspacing = {edge:?}\n"
-        )
-        .unwrap();
+    let mut material = format!("normal_stiffness = {NORMAL:?}");
+    if friction {
+        write!(material, "\ntangential_stiffness = {TANGENTIAL:?}\nfriction = 100.0").unwrap();
     }
-    let (long, side) = (edge * f64::from(LONG), edge * 3.0);
-    let scene = scene(&format!(
-        "[domain]\nlow = [0, 0, 0]\nhigh = [{long:?}, {side:?}, {side:?}]\nperiodic = [true, true, true]\n\
-         [[material]]\nname = \"steel\"\ndensity = 2000.0\nnormal_stiffness = {NORMAL:?}\n{keys}\n\
-         [[shape]]\nname = \"ball\"\nkind = \"sphere\"\ndiameter = {DIAMETER:?}\n{fills}[time]\nstep = {step:?}\n"
-    ));
+    let scene = lattice(of, [LONG, 3, 3], overlap, [&material, "", ""], step);
     let comm = &mut Alone::default();
     let mut sim = assemble::assemble(&scene, comm);
     assemble::fill(&mut sim, &scene, comm);
     let owned = sim.particles.owned;
-    let phase = |x: &Vec3| (std::f64::consts::TAU * x.x / long).sin();
+    let sides = sim.particles.cell.sides();
+    let phase = |x: &Vec3| (std::f64::consts::TAU * x.x / sides.x).sin();
     let first = sim.particles.position[..owned].to_vec();
     for (velocity, place) in sim.particles.velocity[..owned].iter_mut().zip(&first) {
         velocity[axis] = 1e-4 * phase(place);
@@ -179,7 +164,7 @@ fn frequency_squared((edge, balls): Lattice, axis: usize, overlap: f64, friction
         for _ in 0..steps {
             sim.step(comm).unwrap();
         }
-        let (particles, sides) = (&sim.particles, [long, side, side]);
+        let particles = &sim.particles;
         let ways = particles.id[..owned].iter().zip(&particles.position).map(|(id, place)| {
             let way = (place - rest[id])[axis];
             (way - sides[axis] * (way / sides[axis]).round()) * phase(&rest[id])

@@ -4,10 +4,9 @@
 use super::fabric::contacts_with;
 use super::plots::views;
 use super::region::add_wall;
-use crate::support::packings::{Snapshot, ellipsoids, header, particles_at};
+use crate::support::packings::{Snapshot, ellipsoids, header, particles_at, plane_row};
 use crate::support::random::Draw;
 use dem_mpi::math::{Quat, Vec3};
-use dem_mpi::output::header::WallRow;
 use dem_mpi::output::tables::ContactTable;
 use dem_mpi::post::draw::{Axes, BLUE, GREEN, Mark, ORANGE, SIZE, Series, chart, linear};
 use dem_mpi::post::fabric::Rose;
@@ -265,14 +264,7 @@ fn charts_show_what_they_are_given() {
 /// Energies by decade, loads along the normals of walls, displacements inwards.
 #[test]
 fn histories_are_drawn_to_scale() {
-    let wall = |name: &str, normal| WallRow {
-        name: name.into(),
-        point: Vec3::zeros(),
-        normal,
-        velocity: Vec3::zeros(),
-        force: Vec3::zeros(),
-        body: None,
-    };
+    let wall = |name: &str, normal| plane_row(name, Vec3::zeros(), normal);
     let walls = [wall("low", Vec3::x()), wall("high", -Vec3::x())];
     let mut table = "time_s,kinetic_J,stored_J,missing_J,top_m,place_low_m,place_high_m,\
                      force_low_x_N,force_low_y_N,force_low_z_N\n"

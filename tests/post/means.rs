@@ -1,6 +1,6 @@
 //! Means of the history, and their places: terminal, page, report.json.
 
-use crate::support::packings::{ellipsoids, store};
+use crate::support::packings::{ellipsoids, plane_row, store};
 use dem_mpi::math::Vec3;
 use dem_mpi::output::header::WallRow;
 use dem_mpi::post::flow::Window;
@@ -82,14 +82,7 @@ fn a_drum_has_a_mean_torque_and_power() {
 }
 
 fn wall(name: &str, normal: Vec3) -> WallRow {
-    WallRow {
-        name: name.into(),
-        point: Vec3::zeros(),
-        normal,
-        velocity: Vec3::zeros(),
-        force: Vec3::zeros(),
-        body: None,
-    }
+    plane_row(name, Vec3::zeros(), normal)
 }
 
 /// K0 and the stress path: from walls that stand across the axes, and from the tensor of a cell.

@@ -1,7 +1,9 @@
 //! Plots and the page.
 
 use super::fabric::contacts_with;
-use crate::support::packings::{Snapshot, ellipsoids, header, particles_at, push, push_force};
+use crate::support::packings::{
+    Snapshot, ellipsoids, header, particles_at, plane_row, push, push_force,
+};
 use dem_mpi::cell::Cell;
 use dem_mpi::contact::StateColumn;
 use dem_mpi::drive::{SavedColumn, SavedState, Values, servo};
@@ -193,14 +195,7 @@ fn the_page_begins_with_what_was_requested() {
 
 #[test]
 fn columns_that_belong_together_share_a_panel() {
-    let walls = ["-x", "lid"].map(|name| WallRow {
-        name: name.into(),
-        point: Vec3::zeros(),
-        normal: Vec3::new(0.6, 0.0, -0.8),
-        velocity: Vec3::zeros(),
-        force: Vec3::zeros(),
-        body: None,
-    });
+    let walls = ["-x", "lid"].map(|name| plane_row(name, Vec3::zeros(), Vec3::new(0.6, 0.0, -0.8)));
     let table = "time_s,particles,contacts,kinetic_J,translation_J,gravity_J,missing_J,\
                  force_-x_x_N,force_-x_y_N,force_-x_z_N,force_+x_x_N,force_-x_x-N,still\n\
                  0,1,0,0,0,1,0,0,0,0,0,0,3\n1,2,1,0.5,0.5,0,-1e-9,-3,5,4,1,1,3\n";
@@ -225,14 +220,7 @@ fn columns_that_belong_together_share_a_panel() {
 /// A rotating wall, or one of several planes, has no load along its normal. Torques and powers have their units.
 #[test]
 fn walls_that_turn_have_no_load() {
-    let row = |name: &str, body| WallRow {
-        name: name.into(),
-        point: Vec3::zeros(),
-        normal: Vec3::z(),
-        velocity: Vec3::zeros(),
-        force: Vec3::zeros(),
-        body,
-    };
+    let row = |name: &str, body| WallRow { body, ..plane_row(name, Vec3::zeros(), Vec3::z()) };
     let planes = [(Vec3::zeros(), Vec3::z()), (Vec3::zeros(), Vec3::x())];
     let trough = Wall::of_planes("trough".to_owned(), Vec3::zeros(), &planes).saved();
     let walls = [row("flap", None), row("trough", trough)];
@@ -282,14 +270,7 @@ fn walls_that_turn_have_no_load() {
 /// Stresses on walls share a panel, with a level line at each target.
 #[test]
 fn targets_of_servos_are_drawn() {
-    let walls = ["-x", "+x", "lid"].map(|name| WallRow {
-        name: name.into(),
-        point: Vec3::zeros(),
-        normal: Vec3::x(),
-        velocity: Vec3::zeros(),
-        force: Vec3::zeros(),
-        body: None,
-    });
+    let walls = ["-x", "+x", "lid"].map(|name| plane_row(name, Vec3::zeros(), Vec3::x()));
     let walls_with_servo = ["-x", "+x", "gone"].map(str::to_owned).to_vec();
     let wall = StateColumn::new("wall", 1, "");
     let stresses = StateColumn::new("target", 1, "Pa");

@@ -2,7 +2,9 @@
 
 use super::stress::lattice_case;
 use super::{ROUNDING, arrays, close, number};
-use crate::support::packings::{Snapshot, boxed, closed, ellipsoids, header, particles_at, store};
+use crate::support::packings::{
+    Snapshot, boxed, closed, ellipsoids, header, particles_at, plane_row, store,
+};
 use crate::support::random::Draw;
 use dem_mpi::cell::Cell;
 use dem_mpi::math::{Quat, Vec3};
@@ -42,14 +44,7 @@ fn extents_of_turned_ellipsoids_are_exact() {
     }
     // The innermost wall across an axis bounds the box; a period takes precedence over walls.
     for (z, up) in [(3.2, 1.0), (3.5, 1.0), (3.0, 1.0), (6.5, -1.0)] {
-        header.walls.push(WallRow {
-            name: format!("wall at {z}"),
-            point: Vec3::z() * z,
-            normal: Vec3::z() * up,
-            velocity: Vec3::zeros(),
-            force: Vec3::zeros(),
-            body: None,
-        });
+        header.walls.push(plane_row(format!("wall at {z}"), Vec3::z() * z, Vec3::z() * up));
     }
     // A wall of several planes bounds nothing.
     let planes = [(Vec3::z() * 3.9, Vec3::z()), (Vec3::x() * 2.0, Vec3::x())];

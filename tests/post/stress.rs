@@ -2,7 +2,7 @@
 
 use super::{ROUNDING, close, close_matrix, json, matrix, members, number};
 use crate::support::packings::{
-    Snapshot, boxed, ellipsoids, header, particles_at, push, push_force,
+    Snapshot, boxed, ellipsoids, header, particles_at, plane_row, push, push_force,
 };
 use dem_mpi::cell::Cell;
 use dem_mpi::ids::GlobalId;
@@ -54,14 +54,7 @@ fn lattice(basis: &[Vec3], cell: Vec3, radius: f64, k: f64, box_offset: Option<f
                 normal[axis] = if up { 1.0 } else { -1.0 };
                 let point = if up { Vec3::zeros() } else { side };
                 let wall = GlobalId::wall(header.walls.len());
-                header.walls.push(WallRow {
-                    name: format!("{axis} {up}"),
-                    point,
-                    normal,
-                    velocity: Vec3::zeros(),
-                    force: Vec3::zeros(),
-                    body: None,
-                });
+                header.walls.push(plane_row(format!("{axis} {up}"), point, normal));
                 for (a, centre) in position.iter().enumerate() {
                     let overlap = radius - (centre - point).dot(&normal);
                     if overlap > 1e-9 {

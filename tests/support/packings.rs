@@ -143,14 +143,7 @@ pub(crate) fn ellipsoids(side: u32, seed: u64) -> Snapshot {
     let mut header = header(Vec3::zeros(), high, false, semi_axes, position.len());
     for normal in [Vec3::z(), Vec3::x(), -Vec3::x(), Vec3::y(), -Vec3::y()] {
         let point = if normal.sum() > 0.0 { Vec3::zeros() } else { Vec3::repeat(length) };
-        header.walls.push(WallRow {
-            name: format!("{normal:?}"),
-            point,
-            normal,
-            velocity: Vec3::zeros(),
-            force: Vec3::zeros(),
-            body: None,
-        });
+        header.walls.push(plane_row(format!("{normal:?}"), point, normal));
     }
     let mut particles = particles_at(position.clone());
     particles.quaternion = (0..count)
@@ -209,15 +202,14 @@ pub(crate) fn boxed(height: f64, step: u64) -> Snapshot {
     snapshot
 }
 
+/// Row of a plane that is not loaded, does not move and has no saved body.
+pub(crate) fn plane_row(name: impl Into<String>, point: Vec3, normal: Vec3) -> WallRow {
+    let (velocity, force) = (Vec3::zeros(), Vec3::zeros());
+    WallRow { name: name.into(), point, normal, velocity, force, body: None }
+}
+
 fn with_lid(mut snapshot: Snapshot, height: f64) -> Snapshot {
-    snapshot.header.walls.push(WallRow {
-        name: "+z".into(),
-        point: Vec3::z() * height,
-        normal: -Vec3::z(),
-        velocity: Vec3::zeros(),
-        force: Vec3::zeros(),
-        body: None,
-    });
+    snapshot.header.walls.push(plane_row("+z", Vec3::z() * height, -Vec3::z()));
     snapshot
 }
 
