@@ -11,13 +11,14 @@ use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, Continuation, RestartInfo};
 use dem_mpi::scene::one_shape;
 use dem_mpi::scene::suggest::{self, Question, Suggestion, TrialError};
+use dem_mpi::scene::workload::Workload;
 use dem_mpi::scene::{Fill, Scene, Stop, keys, plan, schema};
 use dem_mpi::sim::report::{machine_bytes, report};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
 use dem_mpi::sweep::Sweep;
 use dem_mpi::text::{MOST_NAMED, listed, print_error, printable};
-use indicatif::{ProgressBar, ProgressState, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 use std::fmt::Write as _;
 use std::io::IsTerminal;
@@ -360,23 +361,49 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
     }
     if arguments.check && scene.start.is_none() && arguments.start.is_none() {
         let tried = tried(arguments, &scene, comm);
-        return tried.map_or_else(|status| status, |()| checked(arguments, comm));
+        return tried.map_or_else(|status| status, |_| checked(arguments, comm));
     }
     simulated(arguments, &scene, comm).unwrap_or_else(|status| status)
 }
 
-/// Prints the plan, and checks that the scene can begin.
+/// Prints the plan, checks that the scene can begin, and measures the time of its first steps.
 fn planned(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> u8 {
-    let page = comm.is_root().then(|| plan::plan(scene, comm.size()) + "\n");
+    let page = comm.is_root().then(|| plan::plan(scene, comm.size()));
     let printed = print(comm, page.unwrap_or_default(), 0);
     // Restoring the state checks that it fits the scene.
-    let fits = if scene.start.is_some() || arguments.start.is_some() {
-        state(arguments, scene, comm)
-            .and_then(|(mut sim, _)| begins(arguments, scene, &mut sim, comm))
+    let begun = if scene.start.is_some() || arguments.start.is_some() {
+        state(arguments, scene, comm).and_then(|(mut sim, _)| {
+            begins(arguments, scene, &mut sim, comm)?;
+            Ok(Some(sim))
+        })
     } else {
         tried(arguments, scene, comm)
     };
-    fits.err().unwrap_or(printed)
+    let timed = begun.and_then(|sim| sim.map_or(Ok(()), |sim| timed(arguments, scene, sim, comm)));
+    timed.err().unwrap_or(printed)
+}
+
+/// Particle-steps of the next steps.
+fn workload(scene: &Scene, sim: &Simulation, steps: u64, comm: &mut dyn Comm) -> Workload {
+    let mut held = [sim.particles.owned as i64];
+    comm.sum(&mut held);
+    Workload::new(scene, held[0].unsigned_abs(), sim.step - sim.stage_begin.0, steps)
+}
+
+/// Prints the expected run time, by the pace of the first steps.
+fn timed(
+    arguments: &Arguments,
+    scene: &Scene,
+    mut sim: Simulation,
+    comm: &mut dyn Comm,
+) -> Result<(), u8> {
+    let done = sim.step - sim.stage_begin.0;
+    let steps = arguments.steps.unwrap_or_else(|| scene.steps_of(&sim).saturating_sub(done));
+    let workload = workload(scene, &sim, steps, comm);
+    let pace = run::pace(&mut sim, steps, comm);
+    let pace = pace.map_err(|error| failed(&error, "", &sim, false, comm))?;
+    print(comm, plan::run_time(&workload, &pace, comm.size()), 0);
+    Ok(())
 }
 
 /// Prints an error of the input, and returns its exit status.
@@ -589,8 +616,12 @@ fn fits(scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
 /// Largest number of particles that are placed when a run is only planned or checked.
 const TRIED: u64 = 1_000_000;
 
-/// Places the initial particles of a scene and checks for overlaps, like the run.
-fn tried(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> Result<(), u8> {
+/// Places the initial particles of a scene and checks for overlaps, like the run; `None` if they are too many.
+fn tried(
+    arguments: &Arguments,
+    scene: &Scene,
+    comm: &mut dyn Comm,
+) -> Result<Option<Simulation>, u8> {
     fits(scene, comm)?;
     let count: u64 = scene.initial.iter().map(Fill::count).sum();
     if count > TRIED {
@@ -598,12 +629,13 @@ fn tried(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> Result<()
             comm,
             format!("{count} particles are too many for a check of overlaps without a run"),
         );
-        return Ok(());
+        return Ok(None);
     }
     let mut sim = assemble::assemble(scene, comm);
     has_columns(arguments, scene, &sim, comm)?;
     assemble::fill(&mut sim, scene, comm);
-    run::begin(&mut sim, comm).map_err(|error| failed(&error, "", &sim, false, comm))
+    run::begin(&mut sim, comm).map_err(|error| failed(&error, "", &sim, false, comm))?;
+    Ok(Some(sim))
 }
 
 /// Checks that the columns named by `[stop]` exist.
@@ -748,7 +780,9 @@ fn run(
     for doubt in &origin.doubts {
         print_once(comm, format!("warning: {doubt}"));
     }
-    let mut display = Display::new(comm.is_root(), schedule.last_step - sim.step);
+    let steps = schedule.last_step - sim.step;
+    let workload = workload(scene, sim, steps, comm);
+    let mut display = Display::new(comm.is_root(), steps, workload);
     let finish = run::run(sim, schedule, comm, &mut |progress| display.show(progress));
     let finish = finish.map_err(|error| {
         let before = before_fault(&error, sim.step, schedule, arguments);
@@ -856,6 +890,7 @@ fn origin(scene: &Scene) -> Origin {
 struct Display {
     bar: Option<ProgressBar>,
     lines: bool,
+    workload: Workload,
     begin: Instant,
     last_line: Instant,
     last_state: String,
@@ -863,26 +898,41 @@ struct Display {
     unprinted: Option<std::io::Error>,
 }
 
+/// Time for the rest of a run, after this part of its steps in this time.
+fn time_left(workload: &Workload, part: f64, past: Duration) -> HumanDuration {
+    let seconds = past.as_secs_f64() * workload.left(part);
+    HumanDuration(Duration::from_secs(seconds.clamp(0.0, 1e15) as u64))
+}
+
 /// Interval of lines without a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
 impl Display {
-    fn new(is_root: bool, steps: u64) -> Self {
+    fn new(is_root: bool, steps: u64, workload: Workload) -> Self {
         let bar = (is_root && std::io::stderr().is_terminal()).then(|| {
             // The message is shortened if the terminal is narrow.
             let style =
-                "{elapsed} [{bar:12}] {percent} % of {len} steps, {rate}, {eta} left; {wide_msg}";
+                "{elapsed} [{bar:12}] {percent} % of {len} steps, {rate}, {left} left; {wide_msg}";
             let style = ProgressStyle::with_template(style)
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
             let rate = |state: &ProgressState, text: &mut dyn std::fmt::Write| {
                 let _ = write!(text, "{:.0} steps/s", state.per_sec());
             };
-            let style = style.with_key("rate", rate);
+            let of_bar = workload.clone();
+            let left = move |state: &ProgressState, text: &mut dyn std::fmt::Write| {
+                let _ = write!(
+                    text,
+                    "{}",
+                    time_left(&of_bar, state.fraction().into(), state.elapsed())
+                );
+            };
+            let style = style.with_key("rate", rate).with_key("left", left);
             ProgressBar::new(steps).with_style(style)
         });
         let lines = is_root && bar.is_none();
         let now = Instant::now();
-        Self { bar, lines, begin: now, last_line: now, last_state: String::new(), unprinted: None }
+        let last_state = String::new();
+        Self { bar, lines, workload, begin: now, last_line: now, last_state, unprinted: None }
     }
 
     fn show(&mut self, progress: &Progress) {
@@ -920,9 +970,9 @@ impl Display {
             let pace = if done == 0 {
                 "remaining time not yet known".to_owned()
             } else {
-                let per_second = done as f64 / self.begin.elapsed().as_secs_f64();
-                let left = Duration::from_secs(((of - done) as f64 / per_second) as u64);
-                format!("{per_second:.1} steps/s, {} left", indicatif::HumanDuration(left))
+                let past = self.begin.elapsed();
+                let left = time_left(&self.workload, done as f64 / of as f64, past);
+                format!("{:.1} steps/s, {left} left", done as f64 / past.as_secs_f64())
             };
             let percent = 100.0 * done as f64 / of as f64;
             print_error(format_args!(

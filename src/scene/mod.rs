@@ -52,6 +52,7 @@ pub mod schema;
 mod sizes;
 pub mod suggest;
 mod walls;
+pub mod workload;
 
 use crate::cell::Cell;
 pub use crate::contact::Method;

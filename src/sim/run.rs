@@ -278,6 +278,46 @@ pub fn begin(sim: &mut Simulation, comm: &mut dyn Comm) -> Result<(), RunError> 
     sim.find_first_forces().map_err(RunError::Step)
 }
 
+/// First steps of a run and their time.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// Steps.
+    pub steps: u64,
+    /// Particles over all ranks, summed over the steps.
+    pub particle_steps: f64,
+    /// Contacts over particles after the last step.
+    pub coordination: f64,
+    /// Wall clock of rank 0 [s].
+    pub seconds: f64,
+}
+
+/// Most steps in which the pace is measured, and the time after which this ends [s].
+const PACED: (u64, f64) = (500, 2.0);
+
+/// Runs a few steps without output to measure their time. Collective.
+///
+/// # Errors
+/// See [`RunError`].
+pub fn pace(sim: &mut Simulation, most: u64, comm: &mut dyn Comm) -> Result<Pace, RunError> {
+    let begin = Instant::now();
+    let mut pace = Pace { steps: 0, particle_steps: 0.0, coordination: 0.0, seconds: 0.0 };
+    let mut is_over = false;
+    while pace.steps < most.min(PACED.0) && !is_over {
+        let stepped = sim.step(comm);
+        stepped.map_err(|error| explain(error, sim, comm))?;
+        let seconds = begin.elapsed().as_secs_f64();
+        let is_late = comm.is_root() && seconds > PACED.1;
+        let mut sums = [sim.particles.owned as i64, i64::from(is_late)];
+        comm.sum(&mut sums);
+        pace.steps += 1;
+        pace.particle_steps += sums[0] as f64;
+        pace.seconds = seconds;
+        is_over = sums[1] > 0;
+    }
+    pace.coordination = sim.measure(comm).coordination();
+    Ok(pace)
+}
+
 /// Shortens the step at the start of a stage if pressed contacts have lowered the stable limit, and returns a warning.
 /// Collective.
 pub fn follow_limit(sim: &mut Simulation, over: Over, comm: &mut dyn Comm) -> Option<String> {
