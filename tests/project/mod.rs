@@ -1,5 +1,6 @@
-//! Checks of the project itself: guide, tables, layers.
+//! Checks of the project itself: guide, tables, layers, files for sites.
 
 mod guide;
 mod layers;
+mod site;
 mod tables;
