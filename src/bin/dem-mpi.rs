@@ -10,6 +10,7 @@ use dem_mpi::output::report::{Origin, commit, version};
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, Continuation, RestartInfo};
 use dem_mpi::scene::one_shape;
+use dem_mpi::scene::self_test::{Results, self_test};
 use dem_mpi::scene::suggest::{self, Question, Suggestion, TrialError};
 use dem_mpi::scene::workload::Workload;
 use dem_mpi::scene::{Fill, Scene, Stop, keys, plan, schema};
@@ -74,6 +75,11 @@ struct Arguments {
     /// Print a JSON schema of scenes, for completion and checks in editors
     #[arg(long, exclusive = true)]
     schema: bool,
+    /// Only compare small runs with closed forms and with the bits of the developers' machine, in a few seconds. Files go
+    /// into a new folder in DIR, which all ranks see, and are removed; without DIR, into the machine's folder for these
+    #[arg(long, value_name = "DIR", exclusive = true)]
+    #[expect(clippy::option_option, reason = "not asked for, asked for, or with a folder")]
+    self_test: Option<Option<PathBuf>>,
     #[command(flatten)]
     about: About,
     /// Only print volume, centre, moments of inertia, balls and pieces of this shape of the scene. With --out it is also
@@ -343,6 +349,9 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
         }
         None => {}
     }
+    if let Some(within) = &arguments.self_test {
+        return self_tested(within.as_deref(), comm);
+    }
     if arguments.suggest {
         return suggested(arguments, comm);
     }
@@ -404,6 +413,35 @@ fn timed(
     let pace = pace.map_err(|error| failed(&error, "", &sim, false, comm))?;
     print(comm, plan::run_time(&workload, &pace, comm.size()), 0);
     Ok(())
+}
+
+/// Tests this program, and returns the exit status.
+fn self_tested(within: Option<&Path>, comm: &mut dyn Comm) -> u8 {
+    let within = within.map_or_else(std::env::temp_dir, Path::to_owned);
+    let mut id = u64::from(std::process::id()).to_le_bytes().to_vec();
+    comm.broadcast(&mut id);
+    let id: String = id.iter().rev().map(|byte| format!("{byte:02x}")).collect();
+    let folder = within.join(format!("dem-mpi-self-test-{id}"));
+    let results = output::claim(&folder, comm)
+        .map_err(|error| error.to_string())
+        .and_then(|_held| self_test(&folder, comm).map_err(|error| error.to_string()));
+    if comm.is_root() {
+        // A folder that stays is no fault of the program.
+        let _ = std::fs::remove_dir_all(&folder);
+    }
+    match results {
+        Ok(Results { text, passed }) => {
+            let verdict = if passed { "all tests passed" } else { "TESTS FAILED" };
+            let status = if passed { 0 } else { FAILED };
+            let ranks = comm.size();
+            let ranks = format!("{ranks} rank{}", if ranks == 1 { "" } else { "s" });
+            print(comm, format!("Self-test on {ranks}\n{text}{verdict}\n"), status)
+        }
+        Err(error) => {
+            print_once(comm, error);
+            FAILED
+        }
+    }
 }
 
 /// Prints an error of the input, and returns its exit status.

@@ -49,6 +49,7 @@ mod regions;
 mod room;
 mod scattered;
 pub mod schema;
+pub mod self_test;
 mod sizes;
 pub mod suggest;
 mod walls;

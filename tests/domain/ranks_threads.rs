@@ -78,12 +78,14 @@ fn crowd(domain: &str, method: &str) -> Scene {
 
 /// State on one rank. Checks that other numbers of ranks, between which particles migrate, give
 /// identical bits.
+#[track_caller]
 fn changing_hands(scene: &Scene, steps: u64) -> State {
-    let scene = OnRanks::of(scene);
-    let alone = scene.run(1, steps);
+    let on_ranks = OnRanks::of(scene);
+    let alone = on_ranks.run(1, steps);
+    alone.is_kept(scene, steps);
     for ranks in [2, 3, 4, 8] {
         let (shared, migrated) =
-            scene.run_and_look(ranks, steps, |sim| sim.domain.traffic.migrated);
+            on_ranks.run_and_look(ranks, steps, |sim| sim.domain.traffic.migrated);
         alone.expect(&shared, &format!("{ranks} ranks"));
         let migrated: u64 = migrated.iter().sum();
         assert!(migrated > 100, "particles change hands: {migrated}");
@@ -92,6 +94,7 @@ fn changing_hands(scene: &Scene, steps: u64) -> State {
 }
 
 /// State on one rank. Checks that other numbers of ranks and restarts half-way give identical bits.
+#[track_caller]
 fn everywhere(scene: &Scene, steps: u64, restarts: &[[u32; 2]]) -> State {
     OnRanks::of(scene).the_same_on(steps, &[2, 3, 4, 8], restarts)
 }

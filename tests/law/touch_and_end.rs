@@ -88,8 +88,12 @@ impl Impact {
             })
             .collect();
         let mut bench = Bench::of(&scene, &grains);
+        let begin = bench.measure();
         for _ in 0..(4.0 * steps) as u32 + 4 {
             bench.step();
+            let missing = (bench.measure().missing() - begin.missing()).abs() / begin.kinetic();
+            // Also while springs of the surface hold energy, with second order.
+            assert!(missing < 3.0 / (steps * steps), "{missing:.1e} of the energy is missing");
         }
         assert_eq!(bench.measure().contacts, 0, "all have left the floor");
         let particles = &bench.sim.particles;

@@ -652,6 +652,7 @@ fn flow_is_counted_through_a_plane() {
         .collect();
     let [early, late] = Rate::of(&unsteady, None).unwrap().halves.unwrap();
     assert_eq!([early, late], [1.5, 4.5]);
+    assert_eq!(Rate::of(&unsteady[..2], None).unwrap().halves, None, "each half needs two rows");
     assert!(
         Rate::of(&[row(0.0, 0.0)], None).unwrap_err().to_string().contains("1 rows in the window")
     );

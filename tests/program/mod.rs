@@ -14,6 +14,7 @@ mod queued;
 mod ready;
 mod reported;
 mod restarted;
+mod results;
 mod same_bits;
 mod signalled;
 mod stopped;

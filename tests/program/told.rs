@@ -9,12 +9,19 @@ const LAUNCHES: [Launch; 2] = [Launch::Alone, Launch::Ranks(2)];
 fn questions_are_answered_once() {
     let heap = &*scene("heap");
     let version = concat!("dem-mpi ", env!("CARGO_PKG_VERSION"));
-    let answers: [(&[&str], &[&str]); 8] = [
+    let answers: [(&[&str], &[&str]); 9] = [
         (&[heap, "--check"], &["heap.toml: no errors found"]),
         (
             &[heap, "--plan"],
-            &["A heap in a corner", "ellipsoid of stone", "Left out", "no period counts"],
+            &[
+                "A heap in a corner",
+                "ellipsoid of stone",
+                "Left out",
+                "no period counts",
+                "run time",
+            ],
         ),
+        (&["--self-test"], &["developers' machine", "all tests passed"]),
         (&["--help"], &["Usage: dem-mpi", "--start <SNAPSHOT>", "Exit status: 0"]),
         (&["--version"], &[version]),
         (&["--keys", "stop"], &["[stop]\n", "  unbalanced  "]),

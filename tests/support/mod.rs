@@ -1,5 +1,6 @@
 //! Shared helpers of the tests: simulations from a scene's text on one rank, and shapes in another unit.
 
+pub(crate) mod kept;
 pub(crate) mod made_up;
 pub(crate) mod packings;
 pub(crate) mod placed;
@@ -281,6 +282,19 @@ impl State {
         assert_eq!(self.drives, other.drives, "{what}: drives");
     }
 
+    /// Panics unless the commit before had the same bits after these steps of the scene.
+    #[track_caller]
+    pub(crate) fn is_kept(&self, scene: &Scene, steps: u64) {
+        let Self { bits, records, scalars, drives } = self;
+        let test = Path::new(std::panic::Location::caller().file());
+        // Names of temporary folders are random.
+        let parts = scene.text.split("/.tmp").enumerate();
+        let text: String = parts.map(|(k, part)| if k > 0 { &part[6..] } else { part }).collect();
+        let name = format!("{} {:016x} {steps}", test.display(), kept::hash(text.as_bytes()));
+        let all = format!("{bits:?}{records:?}{scalars:?}{drives:?}");
+        kept::expect(&name, kept::hash(all.as_bytes()));
+    }
+
     /// Work of all walls on the particles [J].
     pub(crate) fn work_of_walls(&self) -> f64 {
         let ledger = self.drives.iter().find(|saved| saved.drive == "ledger").expect("walls work");
@@ -351,9 +365,12 @@ impl<'a> OnRanks<'a> {
         }))
     }
 
-    /// State on one rank. Checks that runs on other numbers of ranks, and restarts half-way between two such numbers, give identical bits.
+    /// State on one rank. Checks that runs on other numbers of ranks, restarts half-way between two such numbers, and the
+    /// commit before give identical bits.
+    #[track_caller]
     pub(crate) fn the_same_on(&self, steps: u64, others: &[u32], restarts: &[[u32; 2]]) -> State {
         let alone = self.run(1, steps);
+        alone.is_kept(self.scene, steps);
         for &ranks in others {
             alone.expect(&self.run(ranks, steps), &format!("{ranks} ranks"));
         }
@@ -378,6 +395,7 @@ impl<'a> OnRanks<'a> {
 
     /// State on one rank. Checks that 2, 3, 4 and 8 ranks give identical bits, and restarts from 3 ranks to 2, from the start and from half-way.
     /// The snapshot of half-way stays in the folder.
+    #[track_caller]
     pub(crate) fn the_same_everywhere(&self, steps: u64, folder: &Path) -> State {
         let alone = self.the_same_on(steps, &[2, 3, 4, 8], &[]);
         for saved in [0, steps / 2] {
