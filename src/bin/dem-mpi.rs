@@ -10,6 +10,7 @@ use dem_mpi::output::report::{Origin, commit, version};
 use dem_mpi::output::{self, snapshot};
 use dem_mpi::scene::assemble::{self, Continuation, RestartInfo};
 use dem_mpi::scene::one_shape;
+use dem_mpi::scene::probe::{ProbeError, probe};
 use dem_mpi::scene::self_test::{Results, self_test};
 use dem_mpi::scene::suggest::{self, Question, Suggestion, TrialError};
 use dem_mpi::scene::workload::Workload;
@@ -120,6 +121,18 @@ struct Arguments {
     /// Only print the models, the cost and the parts left out of the run
     #[arg(long)]
     plan: bool,
+    /// Only print the stiffness of a periodic cell, 6 x 6: of the state of --start, of the scene's start, or of its fill. Each
+    /// component is strained by STRAIN both ways, and the particles come to rest. The snapshot must be at rest. Writes no file
+    #[arg(
+        long,
+        value_name = "STRAIN",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "1e-6",
+        value_parser = share,
+        conflicts_with_all = ["out", "overwrite", "steps", "trace_particle", "check", "plan", "suggest", "verbose", "shape"]
+    )]
+    probe: Option<f64>,
     /// Only propose a step and a contact method that keep an error, from trials on one rank; with --start, from that state.
     ///
     /// The error is that of a trial against the same trial with converged settings, the largest of three: the mean stress
@@ -368,6 +381,9 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
     if arguments.plan {
         return planned(arguments, &scene, comm);
     }
+    if let Some(strain) = arguments.probe {
+        return probed(arguments, &scene, strain, comm);
+    }
     if arguments.check && scene.start.is_none() && arguments.start.is_none() {
         let tried = tried(arguments, &scene, comm);
         return tried.map_or_else(|status| status, |_| checked(arguments, comm));
@@ -413,6 +429,18 @@ fn timed(
     let pace = pace.map_err(|error| failed(&error, "", &sim, false, comm))?;
     print(comm, plan::run_time(&workload, &pace, comm.size()), 0);
     Ok(())
+}
+
+/// Prints the stiffness of a cell, and returns the exit status.
+fn probed(arguments: &Arguments, scene: &Scene, strain: f64, comm: &mut dyn Comm) -> u8 {
+    let start = arguments.start.as_deref().or(scene.start.as_deref());
+    match probe(scene, start, strain, comm) {
+        Ok(probe) => print(comm, probe.words(), 0),
+        Err(ProbeError::Step(error)) => {
+            failed(&RunError::Step(error), "", &assemble::assemble(scene, comm), false, comm)
+        }
+        Err(error) => rejected(comm, error),
+    }
 }
 
 /// Tests this program, and returns the exit status.

@@ -150,3 +150,23 @@ impl Swings {
         warn
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Course;
+    use super::Errors;
+
+    /// Parts merge without loss: the mean over the last fifth of errors that grow by one a step has a closed form.
+    #[test]
+    fn means_outlast_the_merging_of_parts() {
+        let mut course = Course::default();
+        for step in 1..=1000 {
+            let error = -f64::from(step);
+            course.add(Errors { steps: 1.0, sum: error, sizes: -error, largest: -error });
+        }
+        let late = course.last_fifth();
+        assert!((200.0..240.0).contains(&late.steps), "{}", late.steps);
+        let mean = 1000.0 - 0.5 * (late.steps - 1.0);
+        assert_eq!([late.of_mean(), late.mean_size(), late.largest], [-mean, mean, 1000.0]);
+    }
+}

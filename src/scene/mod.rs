@@ -44,6 +44,7 @@ pub mod pair;
 mod parts;
 mod pieces;
 pub mod plan;
+pub mod probe;
 mod reader;
 mod regions;
 mod room;

@@ -3,9 +3,11 @@
 use crate::support::{OnRanks, begun, close, expect_refused, save, scene};
 use dem_mpi::cell::{Cell, Strained};
 use dem_mpi::comm::alone::Alone;
+use dem_mpi::comm::threads;
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, Continuation, StartError};
+use dem_mpi::scene::probe::probe;
 use dem_mpi::sim::Simulation;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -106,6 +108,86 @@ fn lattices_have_the_moduli_of_their_bonds() {
             assert!(rest.abs() < 1e-6, "{name}, modulus {k}: {rest:e} beside the overlap");
             assert!(errors[0].abs() < 3e-6, "{name}, modulus {k}: {errors:?}");
         }
+    }
+}
+
+/// `--probe` finds the moduli of lattices, beside a part in proportion to the overlap, on one rank and on two.
+#[test]
+fn probes_find_the_moduli_of_lattices() {
+    let (kn, kt) = (NORMAL, TANGENTIAL);
+    let two = 2.0_f64.sqrt();
+    let material =
+        format!("normal_stiffness = {kn:?}\ntangential_stiffness = {kt:?}\nfriction = 100.0");
+    let of = |overlap: f64, ranks: u32| {
+        let scene = lattice(FACE_CENTRED, [2; 3], overlap, [&material, "", ""], 2e-6);
+        let parts = threads::run(ranks, |comm| probe(&scene, None, 1e-7, comm).unwrap());
+        assert!(parts.iter().all(|part| *part == parts[0]));
+        parts.into_iter().next().unwrap()
+    };
+    let (small, large) = (of(2e-5, 1), of(4e-5, 1));
+    assert_eq!(small, of(2e-5, 2), "bits on two ranks");
+    for i in 0..6 {
+        for j in 0..6 {
+            let expected = match (i, j) {
+                (0..3, 0..3) if i == j => two * (kn + kt),
+                (0..3, 0..3) => (kn - kt) / two,
+                _ if i == j => (kn + kt) / two,
+                _ => 0.0,
+            };
+            let [one, other] = [&small, &large].map(|probe| probe.stiffness[i][j] * DIAMETER);
+            let rest = (2.0 * one - other - expected) / kn;
+            assert!(rest.abs() < 1e-6, "{i} {j}: {rest:e} beside the overlap");
+        }
+    }
+    assert!(small.uneven < 1e-3 && small.unrest < 1e-5, "{small:?}");
+}
+
+/// In a hexagonal close packing balls are no centres of symmetry: they move within the cell as it is strained. With central
+/// springs between neighbours `C11 : C12 : C13 : C33 : C44` are `29 : 11 : 8 : 32 : 8` (Born and Huang 1954), where `C33 = (4
+/// sqrt 2 / 3) k / d`.
+#[test]
+fn a_hexagonal_packing_relaxes_to_its_moduli() {
+    let a = DIAMETER * (1.0 - 1e-5);
+    let sides = [a, 3.0_f64.sqrt() * a, (8.0_f64 / 3.0).sqrt() * a];
+    let counts = [3, 2, 2];
+    let box_sides = [0, 1, 2].map(|k| sides[k] * f64::from(counts[k]));
+    let mut fills = String::new();
+    for [x, y, z] in
+        [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5, 1.0 / 6.0, 0.5], [0.0, 2.0 / 3.0, 0.5]]
+    {
+        let first = [(x + 0.2) * sides[0], (y + 0.2) * sides[1], (z + 0.2) * sides[2]];
+        write!(
+            fills,
+            "[[fill.lattice]]\nfirst = {first:?}\ncount = {counts:?}\nspacing = {sides:?}\n"
+        )
+        .unwrap();
+    }
+    let scene = scene(&format!(
+        "[domain]\nlow = [0, 0, 0]\nhigh = {box_sides:?}\nperiodic = [true, true, true]\n\
+         [[material]]\nname = \"steel\"\ndensity = 2000.0\nnormal_stiffness = {NORMAL:?}\n\
+         [[shape]]\nname = \"ball\"\nkind = \"sphere\"\ndiameter = {DIAMETER:?}\n{fills}[time]\nstep = 2e-6\n\
+         [neighbours]\nskin = 1e-5\n"
+    ));
+    let probe = probe(&scene, None, 1e-7, &mut Alone::default()).unwrap();
+    let c = |i: usize, j: usize| probe.stiffness[i][j] * DIAMETER / NORMAL;
+    println!("{}", probe.words());
+    let unit = 2.0_f64.sqrt() / 24.0;
+    for (i, j, expected) in [
+        (0, 0, 29.0),
+        (1, 1, 29.0),
+        (0, 1, 11.0),
+        (0, 2, 8.0),
+        (1, 2, 8.0),
+        (2, 0, 8.0),
+        (2, 2, 32.0),
+        (3, 3, 9.0),
+        (4, 4, 8.0),
+        (5, 5, 8.0),
+        (0, 3, 0.0),
+        (3, 5, 0.0),
+    ] {
+        let error = c(i, j) / unit - expected;
+        assert!(error.abs() < 3e-3, "{i} {j}: {} for {expected}", c(i, j) / unit);
     }
 }
 
