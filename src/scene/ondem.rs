@@ -8,6 +8,7 @@ use crate::output::foreign::ForeignFile;
 use crate::post::ondem::POINT_DATA;
 use crate::shape::Shape;
 use csv::StringRecord;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -75,8 +76,16 @@ fn table(path: &Path, fits: &dyn Fn(&str, &Shape) -> bool) -> Result<Cells<'stat
     names.extend(columns.iter().flat_map(|(names, _)| *names).map(|&name| name.to_owned()));
     let has_types = shapes.is_some() || materials.is_some();
     names.extend(has_types.then(|| "type".to_owned()));
-    let is_piece =
-        |row: usize| clumps.as_ref().is_some_and(|of| of[row] >= 0 && of[row] != ids[row]);
+    let known: BTreeSet<i64> = ids.iter().copied().collect();
+    let clump_of = |row: usize| clumps.as_ref().map_or(-1, |of| of[row]);
+    let is_piece = |row: usize| clump_of(row) >= 0 && clump_of(row) != ids[row];
+    if let Some(row) = (0..ids.len()).find(|&row| is_piece(row) && !known.contains(&clump_of(row)))
+    {
+        let (body, clump) = (ids[row], clump_of(row));
+        return Err(format!(
+            "body {body} is a piece of clump {clump}, which the file does not have"
+        ));
+    }
     let record = |row: usize| -> Row {
         let mut record = StringRecord::new();
         let mut text = ids[row].to_string();
