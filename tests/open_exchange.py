@@ -220,11 +220,11 @@ else:
     close(frame.particles["Superquadric Roundness"], roundness, 1e-6)
     close(frame.particles["Radius"], dump["radius"], 1e-6)
     assert np.allclose(frame.particles["Orientation"], turns, rtol=0, atol=1e-6)
-    assert np.array_equal(frame.particles["Angular Velocity"], own.get("angular_velocity", zeros))
-    assert np.array_equal(frame.particles["Angular Momentum"], own.get("angular_momentum", zeros))
+    close(frame.particles["Angular Velocity"], own.get("angular_velocity", zeros))
+    close(frame.particles["Angular Momentum"], own.get("angular_momentum", zeros))
     types = source.data.particles_.particle_types_
     for kind, path in meshes.items():
         types.type_by_id_(kind).load_shape(str(path))
-        assert types.type_by_id(kind).mesh.faces, path
+        assert types.type_by_id(kind).mesh.face_count > 0, path
     said = f"ovito {ovito.version_string}"
 print(f"good: {count} particles and {rows - count} pieces for others, {said}")

@@ -1,9 +1,10 @@
 //! Exchange files of the ON-DEM action: written, read back, and those of other programs.
 
 use crate::support::{begun, save};
+use dem_mpi::comm::Comm;
 use dem_mpi::comm::alone::Alone;
 use dem_mpi::math::{Quat, Vec3};
-use dem_mpi::output::snapshot::Reader;
+use dem_mpi::output::snapshot::{self, Reader};
 use dem_mpi::output::tables::ParticleTable;
 use dem_mpi::post::ondem;
 use dem_mpi::scene::doubts::doubts;
@@ -97,6 +98,23 @@ fn parsed(text: &str, folder: &Path) -> Result<Scene, String> {
     Scene::parse(text, "scene.toml", folder, &[]).map_err(|errors| errors.to_string())
 }
 
+/// Saves a snapshot in which each particle has another velocity and spin, and returns its table.
+fn spinning(scene: &Scene, folder: &Path) -> (Reader, ParticleTable) {
+    let comm = &mut Alone::default();
+    let sim = begun(scene, comm);
+    let mut particles = sim.particle_table(comm.rank());
+    for (k, place) in particles.position.iter().enumerate() {
+        particles.velocity[k] = place * 0.7;
+        particles.angular_velocity[k] = Vec3::new(0.1, 0.3, 1.0) + place / 3.0;
+    }
+    let header = sim.header(&scene.text, &sim.measure(comm).wall_forces, comm);
+    let (contacts, records) = (sim.contact_table(), sim.contact_records());
+    snapshot::write(folder, &header, &particles, &contacts, &records, comm).unwrap();
+    let reader = Reader::open(folder).unwrap();
+    let particles = reader.particles(0..reader.particle_count()).unwrap();
+    (reader, particles)
+}
+
 /// Saves a snapshot and returns its table.
 fn saved(sim: &Simulation, scene: &Scene, folder: &Path) -> (Reader, ParticleTable) {
     save(sim, folder, scene, &mut Alone::default());
@@ -115,15 +133,7 @@ fn rows(scene: &Scene) -> &[Listed] {
 fn files_of_this_program_come_back_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let made = parsed(&format!("{SHAPES}{LATTICE}"), folder.path()).unwrap();
-    let mut sim = begun(&made, &mut Alone::default());
-    for (slot, spin) in sim.particles.angular_momentum.iter_mut().enumerate() {
-        *spin = Vec3::new(1e-3, 2e-3, -1e-3 * slot as f64);
-    }
-    for _ in 0..3 {
-        sim.step(&mut Alone::default()).unwrap();
-    }
-    let (reader, particles) = saved(&sim, &made, &folder.path().join("first"));
-    assert!(particles.angular_velocity.iter().all(|spin| *spin != Vec3::zeros()));
+    let (reader, particles) = spinning(&made, &folder.path().join("first"));
     ondem::write(&folder.path().join("all.vtkhdf"), &reader).unwrap();
 
     let text = format!("{SHAPES}[[fill.file]]\npath = \"all.vtkhdf\"\n");
