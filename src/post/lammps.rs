@@ -14,6 +14,7 @@ use crate::output::header::{Header, ShapeRow};
 use crate::output::tables::ParticleTable;
 use crate::shape::{Kind, Shape};
 use std::borrow::Cow;
+use std::fmt::Write as _;
 use std::io::{self, Write};
 
 /// Axes along and across which LAMMPS can tilt a box: xy, xz, yz.
@@ -29,13 +30,15 @@ pub fn meshes(header: &Header) -> Vec<(usize, &str, String)> {
     let obj = |(kind, (name, body)): (usize, (_, Cow<Shape>))| {
         let surface = Surface::of(&body, Detail::FINE);
         let unit = 1.0 / body.equal_radius();
-        let points = surface.points.iter().map(|point| point * unit);
-        let mut text: String =
-            points.map(|p| format!("v {:e} {:e} {:e}\n", p.x, p.y, p.z)).collect();
+        let mut text = String::new();
+        for point in surface.points.iter().map(|point| point * unit) {
+            let _ = writeln!(text, "v {:e} {:e} {:e}", point.x, point.y, point.z);
+        }
         for face in surface.faces() {
-            text.extend(
-                ["f".to_owned()].into_iter().chain(face.iter().map(|k| format!(" {}", k + 1))),
-            );
+            text.push('f');
+            for corner in face {
+                let _ = write!(text, " {}", corner + 1);
+            }
             text.push('\n');
         }
         (kind, name, text)

@@ -22,6 +22,7 @@ gravity = [0, 0, -9.81]
 low = [-1, -1, -1]
 high = [1, 1, 1]
 walls = ["-z"]
+wall_material = "oak"
 [[material]]
 name = "glass"
 density = 2500
@@ -51,7 +52,8 @@ material = "oak"
 [[shape]]
 name = "pear"
 kind = "poly-superellipsoid"
-semi_axes = { positive = [0.1, 0.05, 0.06], negative = [0.07, 0.06, 0.05] }
+semi_axes_positive = [0.1, 0.05, 0.06]
+semi_axes_negative = [0.07, 0.06, 0.05]
 exponents = [0.8, 0.9]
 material = "oak"
 [[shape]]

@@ -42,6 +42,6 @@ impl Materials {
         };
         let of_shapes = header.shapes.iter().map(|shape| index(&shape.name, None)).collect();
         let of_walls = header.walls.iter().map(|wall| index(&wall.name, side)).collect();
-        Self { of_shapes, of_walls, all }
+        Self { all, of_shapes, of_walls }
     }
 }
