@@ -123,6 +123,7 @@ Examples:
   dem-post --diff one_rank/last.vtkhdf four_ranks/last.vtkhdf
                                                same bits on 1 and on 4 ranks?
   dem-post out/packing --lammps                also a file for OVITO
+  dem-post out/packing --ondem                 also a file for other codes
   dem-post out/shear --series --surfaces       also true shapes, to be played by ParaView
   dem-post out/drum --series --mixing half:x   how grains of the left and right half mix
   dem-post out/hopper --flow outlet:below --window 0.5,1.5

@@ -143,7 +143,10 @@ impl Source<'_> {
             Format::Blanks => cells::blanks(&text, &is_name),
             Format::LammpsData => lammps::data(&text),
             Format::LammpsDump => lammps::dump(&text, self.frame),
-            Format::OnDem => ondem::read(path, &|shape, geometry| self.has_shape(shape, geometry)),
+            Format::OnDem => {
+                let fits = |shape: &str, geometry: &Shape| self.has_shape(shape, geometry);
+                ondem::read(path, &fits).map_err(|what| vec![what])
+            }
         }?;
         self.rows(cells, wrong)
     }

@@ -43,11 +43,7 @@ fn uneven(name: &str) -> String {
 pub(super) fn read(
     path: &Path,
     fits: &dyn Fn(&str, &Shape) -> bool,
-) -> Result<Cells<'static>, Vec<String>> {
-    table(path, fits).map_err(|what| vec![format!("{}: {what}", path.display())])
-}
-
-fn table(path: &Path, fits: &dyn Fn(&str, &Shape) -> bool) -> Result<Cells<'static>, String> {
+) -> Result<Cells<'static>, String> {
     let file = ForeignFile::open(path)?;
     let ids = file.table::<i64>(&format!("{POINT_DATA}/body_id"))?;
     let (_, ids) = ids.ok_or_else(|| {

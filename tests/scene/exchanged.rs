@@ -245,7 +245,7 @@ fn files_that_are_none_are_refused() {
     };
     refused("No such file");
     fs::write(&path, "no HDF5").unwrap();
-    refused("a.vtkhdf: ");
+    refused("open file");
     File::create(&path).unwrap();
     refused("it is no file of ON-DEM, as it has no /VTKHDF/PointData/body_id");
     // A clump without its body, and a material that is no shape.
