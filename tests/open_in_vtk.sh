@@ -6,6 +6,8 @@
 #   VTK_VERSION   in the environment: another VTK than the newest, e.g. 9.3.1
 # usage: tests/open_in_vtk.sh --exports PARTICLES FOLDER
 #   the folder has what dem-post has made of them: VTP files and dem.py
+# usage: tests/open_in_vtk.sh --exchange PARTICLES FOLDER
+#   the same of the files for other codes
 # usage: tests/open_in_vtk.sh --played MESH FOLDER PARTICLES...
 #   the same of several snapshots, for the lists with their times; MESH is the file of the wall that moves
 # Makes a virtual environment with these and pyvista under target/, once. Exit status 3: they cannot be fetched.
@@ -19,6 +21,9 @@ if ! "$python/bin/python" -c 'import vtk, h5py, pyvista' 2>/dev/null; then
 fi
 if [ "${1:-}" = --exports ]; then
     exec "$python/bin/python" tests/open_exports.py "$2" "$3"
+fi
+if [ "${1:-}" = --exchange ]; then
+    exec "$python/bin/python" tests/open_exchange.py "$2" "$3"
 fi
 if [ "${1:-}" = --played ]; then
     shift

@@ -22,7 +22,7 @@ use dem_mpi::post::sizes;
 use dem_mpi::post::surface::Detail;
 use dem_mpi::post::views::Views;
 use dem_mpi::post::vtp::{self, Files, PolyData};
-use dem_mpi::post::{PostError, Report, Settings, export, lammps, pieces};
+use dem_mpi::post::{PostError, Report, Settings, export, lammps, ondem, pieces};
 use dem_mpi::text::print_error;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -65,10 +65,15 @@ struct Arguments {
     #[arg(long)]
     fabric_with_walls: bool,
 
-    /// Also write a LAMMPS dump of each snapshot, for OVITO. Shapes other than spheres and ellipsoids are replaced by the
-    /// ellipsoid in the box of each particle
+    /// Also write a LAMMPS dump of each snapshot, for OVITO, and type_NUMBER.obj for each shape other than spheres, ellipsoids and
+    /// superellipsoids: OVITO draws the true shape once this file is loaded as the shape of the type
     #[arg(long)]
     lammps: bool,
+
+    /// Also write each snapshot as ondem_STEP.vtkhdf, the exchange file of the ON-DEM action: particles with their shapes,
+    /// materials, walls and contacts, for other codes and for `[[fill.file]]`
+    #[arg(long)]
+    ondem: bool,
 
     /// Also write the true surfaces of all particles and walls of each snapshot, and its contacts as lines:
     /// grains_STEP.vtp, walls_STEP.vtp, contacts_STEP.vtp. Lists with times are grains.pvd, walls.pvd, contacts.pvd, and
@@ -101,7 +106,7 @@ struct Arguments {
 
     /// Compare two snapshots particle by particle, bit for bit, and write nothing.
     /// Exit status: 0 equal, 1 different, 2 could not compare
-    #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps", "surfaces", "vtp", "Requested"])]
+    #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps", "ondem", "surfaces", "vtp", "Requested"])]
     diff: bool,
 
     #[command(flatten)]
@@ -118,6 +123,7 @@ Examples:
   dem-post --diff one_rank/last.vtkhdf four_ranks/last.vtkhdf
                                                same bits on 1 and on 4 ranks?
   dem-post out/packing --lammps                also a file for OVITO
+  dem-post out/packing --ondem                 also a file for other codes
   dem-post out/shear --series --surfaces       also true shapes, to be played by ParaView
   dem-post out/drum --series --mixing half:x   how grains of the left and right half mix
   dem-post out/hopper --flow outlet:below --window 0.5,1.5
@@ -173,6 +179,13 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
 
     if arguments.lammps {
         write_dumps(&out, &snapshots, newest)?;
+    }
+    if arguments.ondem {
+        for Snapshot { path, step } in &snapshots {
+            let written =
+                ondem::write(&out.join(format!("ondem_{step:09}.vtkhdf")), &Reader::open(path)?);
+            written.with_context(|| path.display().to_string())?;
+        }
     }
     write_pictures(&out, &snapshots, arguments)?;
     write_results(&out, &snapshots, newest, arguments)
@@ -253,15 +266,14 @@ fn write_results(
     }
 }
 
-/// Writes a dump of each snapshot, and names the shapes that it replaces.
+/// Writes a dump of each snapshot, and meshes of the shapes that a dump cannot describe.
 fn write_dumps(out: &Path, snapshots: &[Snapshot], newest: &Path) -> Result<()> {
     let reader = Reader::open(newest)?;
-    let drawn = lammps::drawn_otherwise(reader.header());
-    if !drawn.is_empty() {
+    for (kind, name, mesh) in lammps::meshes(reader.header()) {
+        write_file(&out.join(format!("type_{kind}.obj")), |file| file.write_all(mesh.as_bytes()))?;
         print_error(format_args!(
-            "dem-post: OVITO will draw particles of {} as the ellipsoids in their boxes, as a dump has no other \
-             shapes: for exact shapes use --surfaces",
-            drawn.join(", ")
+            "dem-post: OVITO draws particles of {name} as the ellipsoids in their boxes until type_{kind}.obj is loaded \
+             as the shape of type {kind}"
         ));
     }
     for snapshot in snapshots {

@@ -1,4 +1,4 @@
-//! HDF5: the only module that calls the library.
+//! HDF5: the only module that calls the library, but for [`super::foreign`].
 //!
 //! [`SnapshotFile`] writes columns of rows; each rank writes its own rows, in the order of the ranks. With MPI all ranks open
 //! the file and write each dataset in one collective call. HDF5 silently falls back to slow independent writes, so each call
@@ -27,7 +27,7 @@ use crate::files;
 use hdf5_metno::file::{FileAccessBuilder, FileCloseDegree};
 use hdf5_metno::plist::DatasetCreate;
 use hdf5_metno::plist::dataset_create::{FillTime, Layout};
-use hdf5_metno::types::TypeDescriptor;
+use hdf5_metno::types::{TypeDescriptor, VarLenUnicode};
 use hdf5_metno::{
     Dataset, Dataspace, Datatype, Error, File, Group, H5Type, IndexType, IterationOrder, LinkType,
     Location, LocationType,
@@ -233,14 +233,45 @@ impl<'a> SnapshotFile<'a> {
     ) -> Result<(), SnapshotError> {
         let [x, y, z] = cells;
         let shape = if column.width == 1 { vec![z, y, x] } else { vec![z, y, x, column.width] };
+        self.array(column.place, column.unit, &shape, values)
+    }
+
+    /// Writes an array of any shape, without a checksum; a shape of no lengths is a scalar. The values of rank 0 are taken.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`], also if the values do not fill the shape.
+    pub fn array<T: Element>(
+        &mut self,
+        place: &str,
+        unit: &str,
+        shape: &[usize],
+        values: &[T],
+    ) -> Result<(), SnapshotError> {
         self.everywhere(|file| {
-            create_dataset(file, column.place, &f64::type_descriptor(), &shape)?;
-            let dataset = file.dataset(column.place)?;
-            attach_text(&dataset, "unit", column.unit)
+            let dataset = create_dataset(file, place, &T::type_descriptor(), shape)?;
+            if unit.is_empty() { Ok(()) } else { attach_text(&dataset, "unit", unit) }
         })?;
         let values = if self.comm.is_root() { Some(values) } else { None };
         self.everywhere(|file| {
-            values.map_or(Ok(()), |values| file.dataset(column.place)?.write_raw(values))
+            values.map_or(Ok(()), |values| file.dataset(place)?.write_raw(values))
+        })
+    }
+
+    /// Writes texts of any length as an array, without a checksum; a shape of no lengths is a scalar. For one rank.
+    ///
+    /// # Errors
+    /// [`SnapshotError::Write`], also for a text with a zero byte.
+    pub fn words(
+        &mut self,
+        place: &str,
+        shape: &[usize],
+        texts: &[&str],
+    ) -> Result<(), SnapshotError> {
+        self.everywhere(|file| {
+            let words = texts.iter().map(|text| text.parse::<VarLenUnicode>());
+            let words: Vec<_> = words.collect::<Result<_, _>>().map_err(|e| e.to_string())?;
+            let builder = file.new_dataset::<VarLenUnicode>().obj_track_times(false);
+            builder.shape(shape).create(place)?.write_raw(&words)
         })
     }
 

@@ -13,7 +13,8 @@
 //! | [`lists`] | `entered_NAME.csv`, `left_NAME.csv`: particles that entered through an inlet or left through an outlet |
 //! | [`report`] | `report.json`, all figures of a run at its end, and a summary as text |
 //! | [`performance`] | `performance.csv`, work and cost of a run |
-//! | [`hdf5`] | the only module that calls HDF5: columns and attributes |
+//! | [`hdf5`] | columns and attributes in HDF5 |
+//! | [`foreign`] | HDF5 files of other programs |
 //! | [`seal`] | integrity of a file: checksums, and reserved space on the disk |
 //!
 //! With MPI, all ranks write a large snapshot together, each the rows of a range of ids. A small snapshot, or one
@@ -24,6 +25,7 @@
 //! flipped bit is detected before anything else is read.
 
 pub mod columns;
+pub mod foreign;
 pub mod growing;
 pub mod hdf5;
 pub mod header;

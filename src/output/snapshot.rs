@@ -451,7 +451,10 @@ fn as_long_as_the_longest(texts: &[String]) -> usize {
 }
 
 /// Writes the number of points of all cells; this rank writes `count` cells of `points` points each.
-fn points_of_cells(
+///
+/// # Errors
+/// See [`SnapshotFile::rows`].
+pub fn points_of_cells(
     file: &mut SnapshotFile,
     count: usize,
     points: usize,
@@ -462,7 +465,10 @@ fn points_of_cells(
 
 /// Writes one of the four categories of cells of `PolyData`: `count` cells of this rank after those of the earlier ranks,
 /// each of the next `points` points. Without any cell there is still one offset.
-fn cells(
+///
+/// # Errors
+/// See [`SnapshotFile::rows`].
+pub fn cells(
     file: &mut SnapshotFile,
     category: &str,
     count: usize,
@@ -483,7 +489,11 @@ fn cells(
     file.rows(&column(&name("Connectivity"), 1, ""), &members)
 }
 
-fn vtk_version(file: &mut SnapshotFile) -> Result<(), SnapshotError> {
+/// Begins a `PolyData` in its group.
+///
+/// # Errors
+/// See [`SnapshotFile::rows`].
+pub fn vtk_version(file: &mut SnapshotFile) -> Result<(), SnapshotError> {
     file.numbers("/VTKHDF", "Version", &[2i64, 0])?;
     file.text("/VTKHDF", "Type", "PolyData")
 }

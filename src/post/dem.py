@@ -92,13 +92,7 @@ class Snapshot:
         """Rotations of all particles, (n, 3, 3): columns are the body's axes in the world."""
         if "quaternion" not in self.particles:
             return np.broadcast_to(np.eye(3), (len(self.particles["id"]), 3, 3))
-        w, x, y, z = self.particles["quaternion"].T
-        rows = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-        return np.moveaxis(np.array(rows), -1, 0)
+        return _axes(self.particles["quaternion"])
 
     def grains(self):
         """The particles as points, a vtkPolyData with all columns that a picture shows."""
@@ -160,7 +154,7 @@ def plotter(snapshot, scalars="coordination", **options):
         members = faces[None] + len(points) * np.arange(len(grains))[:, None, None]
         mesh = pyvista.PolyData.from_regular_faces(places.reshape(-1, 3), members.reshape(-1, 3))
         mesh[scalars] = np.repeat(particles[scalars][grains], len(points), axis=0)
-        has_edges = "Polyhedron" in (geometry or {})
+        has_edges = not {"Polyhedron", "Union"}.isdisjoint(geometry or {})
         plot.add_mesh(mesh, scalars=scalars, smooth_shading=True, split_sharp_edges=has_edges)
     return plot
 
@@ -185,7 +179,34 @@ def _surface(geometry, normals, faces):
         points = _powers(normals, of["exponents"]) * axes - of["centre"]
         # Columns one after the other.
         return points @ np.reshape(of["axes"], (3, 3)).T, faces
+    if kind == "Union":
+        return _joined([(piece, _surface(piece["shape"], normals, faces)) for piece in of["pieces"]])
     return None
+
+
+def _joined(pieces):
+    """Points and triangles of all pieces of a union in its axes; None if one is not known."""
+    all_points, all_faces, first = [], [], 0
+    for piece, surface in pieces:
+        if surface is None:
+            return None
+        points, faces = surface
+        turn = _axes(np.roll([piece["rotation"]], 1, axis=1))[0]
+        all_points.append(points @ turn.T + piece["centre"])
+        all_faces.append(faces + first)
+        first += len(points)
+    return np.concatenate(all_points), np.concatenate(all_faces)
+
+
+def _axes(quaternions):
+    """Rotation matrices of quaternions (w, x, y, z)."""
+    w, x, y, z = np.transpose(quaternions)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def _rolled(corners, radius, normals):

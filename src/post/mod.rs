@@ -22,6 +22,7 @@
 //! | [`fields`] [`mixing`] [`slope`] [`flow`] | density, velocity and stress on a [`grid`]; Lacey's index; angle of a heap; flow rates |
 //! | [`diff`] | comparison of two snapshots, bit for bit |
 //! | [`lammps`] | particles for OVITO |
+//! | [`ondem`] | the exchange file of the ON-DEM action |
 //! | [`surface`] [`export`] [`vtp`] | surfaces of bodies; a snapshot as VTP; its file |
 //!
 //! Pictures and pages are made in [`shown`]:
@@ -51,6 +52,7 @@ pub mod means;
 pub mod measured;
 pub mod measures;
 pub mod mixing;
+pub mod ondem;
 pub mod region;
 pub mod report;
 mod rows;

@@ -333,6 +333,7 @@ impl Fills<'_> {
             ("text", Format::Blanks),
             ("lammps-data", Format::LammpsData),
             ("lammps-dump", Format::LammpsDump),
+            ("ondem", Format::OnDem),
         ];
         let format = section.optional("format", |given| given.one_of(&words));
         let frame = section.optional("frame", Given::whole);

@@ -1,4 +1,4 @@
-//! Particles of a file, one row each: a table with commas or blanks, or a file of LAMMPS ([`lammps`]).
+//! Particles of a file, one row each: a table with commas or blanks, a file of LAMMPS ([`lammps`]), or one of the ON-DEM action ([`ondem`]).
 //!
 //! Columns in any order: `x,y,z` [m]; and, each group whole or not at all, `qw,qx,qy,qz` (body to
 //! world, of any length), `vx,vy,vz` [m/s], `wx,wy,wz` [rad/s, world axes]; and `shape` (a name),
@@ -18,6 +18,7 @@ use super::Listed;
 use super::cells::{self, Bounds, Cells, few, lines, number};
 use super::lammps;
 use super::mistakes::suggestion;
+use super::ondem;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::{Quat, Vec3};
 use crate::population::Library;
@@ -74,6 +75,9 @@ const SAME_FORM: f64 = 1e-4;
 /// Largest relative difference between the density of a file and of the material without a warning.
 const SAME_DENSITY: f64 = 1e-3;
 
+/// Largest difference of a quaternion's squared length from 1 with which its bits are kept.
+const UNIT: f64 = 8.0 * f64::EPSILON;
+
 /// Is this a column, under any of its names?
 pub(super) fn is_column(name: &str) -> bool {
     COLUMNS.contains(&name)
@@ -93,6 +97,7 @@ pub(super) enum Format {
     Blanks,
     LammpsData,
     LammpsDump,
+    OnDem,
 }
 
 /// Settings of a file and of its particles.
@@ -125,9 +130,11 @@ impl Source<'_> {
         path: &Path,
         wrong: &dyn Fn(&Listed) -> Option<String>,
     ) -> Result<(Vec<Listed>, Vec<String>), Vec<String>> {
-        let text = cells::text(path)?;
+        let is_binary = self.format.map_or_else(|| ondem::is_one(path), |f| f == Format::OnDem);
+        let text = if is_binary { String::new() } else { cells::text(path)? };
         let is_name = |name: &str| is_column(self.own(name));
-        let format = self.format.unwrap_or_else(|| format_of(path, &text));
+        let of_text = || if is_binary { Format::OnDem } else { format_of(path, &text) };
+        let format = self.format.unwrap_or_else(of_text);
         if self.frame.is_some() && format != Format::LammpsDump {
             return Err(vec!["`frame` is of dumps of LAMMPS, and this file is none".to_owned()]);
         }
@@ -136,8 +143,25 @@ impl Source<'_> {
             Format::Blanks => cells::blanks(&text, &is_name),
             Format::LammpsData => lammps::data(&text),
             Format::LammpsDump => lammps::dump(&text, self.frame),
+            Format::OnDem => {
+                let fits = |shape: &str, geometry: &Shape| self.has_shape(shape, geometry);
+                ondem::read(path, &fits).map_err(|what| vec![what])
+            }
         }?;
         self.rows(cells, wrong)
+    }
+
+    /// The index of the shape for a type of the file.
+    fn of_type(&self, kind: &str) -> Option<usize> {
+        let only = (self.shapes.len() == 1 && self.types.is_empty()).then_some(0);
+        let named = || self.shapes.iter().position(|shape| *shape == kind);
+        self.types.get(kind).copied().or(only).or_else(named)
+    }
+
+    /// Whether the shape for a type of the file has this geometry.
+    fn has_shape(&self, kind: &str, geometry: &Shape) -> bool {
+        let of_scene = self.of_type(kind).zip(self.library);
+        of_scene.is_none_or(|(shape, library)| library.shapes[shape] == *geometry)
     }
 
     fn rows(
@@ -436,6 +460,9 @@ impl<'a> Columns<'a> {
     fn turn(&self, record: &StringRecord, columns: [usize; 4]) -> Result<Quat, String> {
         let [w, x, y, z] = columns.map(|column| self.number(record, column));
         let quaternion = Quaternion::new(w?, x?, y?, z?);
+        if (quaternion.norm_squared() - 1.0).abs() < UNIT {
+            return Ok(Quat::new_unchecked(quaternion));
+        }
         let largest = quaternion.coords.amax();
         if largest == 0.0 {
             return Err("the quaternion is 0; it needs a length".to_owned());
@@ -445,21 +472,19 @@ impl<'a> Columns<'a> {
 
     /// The index of the shape.
     fn shape(&self, record: &StringRecord) -> Result<usize, String> {
-        let Source { shapes, types, .. } = self.source;
-        let named = |name: &str| shapes.iter().position(|shape| *shape == name);
+        let shapes = &self.source.shapes;
         match self.form {
             Form::Only => Ok(0),
             Form::Shape(column) => {
                 let name = cell(record, column);
-                named(name).ok_or_else(|| {
+                shapes.iter().position(|shape| *shape == name).ok_or_else(|| {
                     let hint = suggestion(name, shapes.iter().copied(), "there are");
                     format!("column shape: no such shape as `{}`{hint}", shown(name))
                 })
             }
             Form::Type(column) => {
                 let kind = cell(record, column);
-                let only = (shapes.len() == 1 && types.is_empty()).then_some(0);
-                types.get(kind).copied().or(only).or_else(|| named(kind)).ok_or_else(|| {
+                self.source.of_type(kind).ok_or_else(|| {
                     let (kind, shape) = (shown(kind), shown(shapes[0]));
                     format!("column type: which shape has type {kind}? `types` says so, as in {{ \"{kind}\" = \"{shape}\" }}")
                 })
@@ -543,17 +568,13 @@ impl<'a> Columns<'a> {
 
 /// The scale of a particle by the radius of the sphere of its volume.
 fn of_radius(body: &Shape, name: &str, radius: f64) -> Result<f64, String> {
-    let own = match body.kind() {
-        Kind::Sphere => body.bounding_radius(),
-        kind @ (Kind::Spherocylinder | Kind::RoundedPolyhedron) => {
-            return Err(format!(
-                "shape {name} is a {}, whose `radius` is that of its edges, not of its size: give a column scale in place of the radius",
-                kind.name()
-            ));
-        }
-        _ => libm::cbrt(0.75 / std::f64::consts::PI * body.volume()),
-    };
-    Ok(radius / own)
+    if let kind @ (Kind::Spherocylinder | Kind::RoundedPolyhedron) = body.kind() {
+        return Err(format!(
+            "shape {name} is a {}, whose `radius` is that of its edges, not of its size: give a column scale in place of the radius",
+            kind.name()
+        ));
+    }
+    Ok(radius / body.equal_radius())
 }
 
 /// The scale of a particle by its lengths along its own axes.

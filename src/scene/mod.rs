@@ -37,6 +37,7 @@ mod listed;
 mod matter;
 mod mistakes;
 mod motions;
+mod ondem;
 pub mod one_shape;
 mod orientations;
 pub mod packing;

@@ -127,8 +127,20 @@ fn lammps_dump_has_diameters_and_the_real_part_last() {
         ["ITEM: TIMESTEP", "1000", "ITEM: NUMBER OF ATOMS", "8", "ITEM: BOX BOUNDS ff ff ff"]
     );
     assert_eq!(lines.len(), 9 + 8);
-    let first = "0 1 1e-1 2e-1 3e-1 -5e-1 2.5e-1 1.25e-1 5e-1 4.7622e-3 2.3811e-3 2.3811e-3 2.5e-1 -5e-1 4e0";
-    assert_eq!(lines[9], first);
+    let first = "0 1 1e-1 2e-1 3e-1 -5e-1 2.5e-1 1.25e-1 5e-1 4.7622e-3 2.3811e-3 2.3811e-3 2.5e-1 -5e-1 4e0 ";
+    let rest = lines[9].strip_prefix(first).expect(lines[9]);
+    let rest: Vec<f64> = rest.split(' ').map(|cell| cell.parse().unwrap()).collect();
+    let names: Vec<&str> = lines[8].split(' ').skip(2).collect();
+    assert_eq!(names.len(), 15 + rest.len());
+    let value = |name: &str| rest[names.iter().position(|n| *n == name).expect(name) - 15];
+    let volume = 4.7622e-3 * 2.3811e-3 * 2.3811e-3 / 8.0;
+    assert!((value("radius").powi(3) / volume - 1.0).abs() < 1e-14);
+    for name in ["SuperquadricRoundness.Phi", "SuperquadricRoundness.Theta"] {
+        assert_eq!(value(name), 1.0);
+    }
+    for name in ["omegax", "omegaz", "angmomx", "angmomz"] {
+        assert_eq!(value(name), 0.0);
+    }
 }
 
 #[test]

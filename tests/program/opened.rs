@@ -50,6 +50,32 @@ fn vtk_opens_the_snapshots_of_a_run() {
     turning_walls_are_played_where_they_stand();
 }
 
+/// The file of ON-DEM, and the dump and meshes for OVITO, of particles of all kinds.
+#[test]
+fn other_codes_open_what_is_written_for_them() {
+    for (name, steps, said) in [
+        ("unions", "4000", "good: 50 particles and 87 pieces"),
+        ("kinds", "800", "good: 288 particles and 0 pieces"),
+    ] {
+        let (run, folder) = (fresh_directory("exchanged"), fresh_directory("exchange"));
+        let words = [&*scene(name), "--out", run.to_str().unwrap(), "--steps", steps];
+        dem_mpi(Launch::Ranks(2), words).succeed();
+        let particles = snapshot(&run, steps.parse().unwrap());
+        let out = ["--out".as_ref(), folder.as_os_str()];
+        let exports = ["--ondem", "--lammps", "--surfaces", "--detail", "3"].map(OsStr::new);
+        dem_post([&[particles.as_os_str()][..], &out, &exports].concat()).succeed();
+        fs::write(folder.join("dem.py"), dem_post(["--python"]).succeed().output).unwrap();
+        let arguments = ["--exchange".as_ref(), particles.as_os_str(), folder.as_os_str()];
+        let ended = Call::new(vec![], SCRIPT, arguments).within(WITH_DOWNLOAD).end();
+        if may_skip(&ended) {
+            return;
+        }
+        assert_eq!(ended.status.code(), Some(0), "{ended}");
+        ended.said_once(said);
+        println!("{}", ended.output);
+    }
+}
+
 /// A rotating wall of triangles at several times, and particles, walls and contacts in one list.
 fn turning_walls_are_played_where_they_stand() {
     let run = fresh_directory("played");

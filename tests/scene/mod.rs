@@ -1,5 +1,6 @@
 //! Scene files: reading, checks and assembly of a simulation.
 
+mod exchanged;
 mod foreign;
 mod many;
 mod mutated;

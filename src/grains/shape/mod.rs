@@ -383,6 +383,14 @@ impl Shape {
         }
     }
 
+    /// Radius of the sphere of equal volume [m].
+    pub fn equal_radius(&self) -> f64 {
+        match self {
+            Self::Sphere(ball) => ball.radius,
+            _ => libm::cbrt(0.75 / std::f64::consts::PI * self.volume()),
+        }
+    }
+
     /// [`Convex::half_lengths`], which are the semi-axes of an ellipsoid [m].
     pub fn semi_axes(&self) -> Vec3 {
         self.half_lengths()
