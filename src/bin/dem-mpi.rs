@@ -446,10 +446,9 @@ fn probed(arguments: &Arguments, scene: &Scene, strain: f64, comm: &mut dyn Comm
 /// Tests this program, and returns the exit status.
 fn self_tested(within: Option<&Path>, comm: &mut dyn Comm) -> u8 {
     let within = within.map_or_else(std::env::temp_dir, Path::to_owned);
-    let mut id = u64::from(std::process::id()).to_le_bytes().to_vec();
+    let mut id = std::process::id().to_string().into_bytes();
     comm.broadcast(&mut id);
-    let id: String = id.iter().rev().map(|byte| format!("{byte:02x}")).collect();
-    let folder = within.join(format!("dem-mpi-self-test-{id}"));
+    let folder = within.join(format!("dem-mpi-self-test-{}", String::from_utf8_lossy(&id)));
     let results = output::claim(&folder, comm)
         .map_err(|error| error.to_string())
         .and_then(|_held| self_test(&folder, comm).map_err(|error| error.to_string()));

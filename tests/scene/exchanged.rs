@@ -257,4 +257,11 @@ fn files_that_are_none_are_refused() {
     column(&file, "velocity", &[2, 3], &[0.0; 6]);
     file.close().unwrap();
     refused("/VTKHDF/PointData/velocity has another number of bodies");
+    // 800 TB that are declared, and nothing is stored.
+    let file = File::create(&path).unwrap();
+    file.create_group("VTKHDF").unwrap().create_group("PointData").unwrap();
+    let huge = file.new_dataset::<i64>().shape([100_000_000_000_000]).chunk([1000]);
+    huge.create("VTKHDF/PointData/body_id").unwrap();
+    file.close().unwrap();
+    refused("/VTKHDF/PointData/body_id: it has more values than the file can hold");
 }
