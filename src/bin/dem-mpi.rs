@@ -395,8 +395,8 @@ fn start(arguments: &Arguments, comm: &mut dyn Comm) -> u8 {
 fn planned(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> u8 {
     let page = comm.is_root().then(|| plan::plan(scene, comm.size()));
     let printed = print(comm, page.unwrap_or_default(), 0);
-    if agree(comm, if printed == 0 { Ok(()) } else { Err(printed) }).is_err() {
-        return printed;
+    if let Err(status) = agree(comm, if printed == 0 { Ok(()) } else { Err(printed) }) {
+        return status;
     }
     // Restoring the state checks that it fits the scene.
     let begun = if scene.start.is_some() || arguments.start.is_some() {
