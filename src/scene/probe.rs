@@ -1,7 +1,7 @@
 //! Stiffness of a periodic cell: `dem-mpi --probe`.
 //!
 //! The cell is strained by each of its six components, both ways, from one state. The strain comes uniformly over
-//! [`STRAINING`] times in which a wave crosses the cell, and the particles then come to rest under a global damping that is
+//! four times in which a wave crosses the cell, and the particles then come to rest under a global damping that is
 //! critical for the longest wave. With `σ±` for the stress at rest, `C_ij = (σ_i⁺ - σ_i⁻) / 2ε_j`.
 
 use super::assemble::{self, Continuation, StartError};
