@@ -98,6 +98,13 @@ pub struct Bulk {
     pub solid_fraction: f64,
 }
 
+impl Bulk {
+    /// Stress of contacts and motion, compression positive, by [`COMPONENTS`] [Pa].
+    pub fn stress(&self) -> [f64; 6] {
+        std::array::from_fn(|k| self.of_contacts[k] + self.of_motion[k])
+    }
+}
+
 /// Axes of the components of a stress, in the order of output.
 pub const COMPONENTS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [0, 2], [1, 2]];
 

@@ -8,7 +8,7 @@ use dem_mpi::ids::GlobalId;
 use dem_mpi::output::performance::Performance;
 use dem_mpi::output::report::{Origin, commit, version};
 use dem_mpi::output::{self, snapshot};
-use dem_mpi::scene::assemble::{self, Continuation, RestartInfo};
+use dem_mpi::scene::assemble::{self, RestartInfo};
 use dem_mpi::scene::one_shape;
 use dem_mpi::scene::probe::{ProbeError, probe};
 use dem_mpi::scene::self_test::{Results, self_test};
@@ -19,7 +19,7 @@ use dem_mpi::sim::report::{machine_bytes, report};
 use dem_mpi::sim::run::{self, Ending, Finish, Progress, RunError, Schedule};
 use dem_mpi::sim::{Simulation, StepError};
 use dem_mpi::sweep::Sweep;
-use dem_mpi::text::{MOST_NAMED, listed, print_error, printable};
+use dem_mpi::text::{MOST_NAMED, counted, listed, print_error, printable};
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
 use std::fmt::Write as _;
@@ -429,7 +429,7 @@ fn timed(
     let steps = arguments.steps.unwrap_or_else(|| scene.steps_of(&sim).saturating_sub(done));
     let workload = workload(scene, &sim, steps, comm);
     let pace = run::pace(&mut sim, steps, comm);
-    let pace = pace.map_err(|error| failed(&error, "", &sim, false, comm))?;
+    let pace = pace.map_err(|error| failed(&error, "", owned(&sim), false, comm))?;
     print(comm, plan::run_time(&workload, &pace, comm.size()), 0);
     Ok(())
 }
@@ -439,9 +439,7 @@ fn probed(arguments: &Arguments, scene: &Scene, strain: f64, comm: &mut dyn Comm
     let start = arguments.start.as_deref().or(scene.start.as_deref());
     match probe(scene, start, strain, comm) {
         Ok(probe) => print(comm, probe.words(), 0),
-        Err(ProbeError::Step(error)) => {
-            failed(&RunError::Step(error), "", &assemble::assemble(scene, comm), false, comm)
-        }
+        Err(ProbeError::Step(error)) => failed(&error.into(), "", &[], false, comm),
         Err(error) => rejected(comm, error),
     }
 }
@@ -463,8 +461,7 @@ fn self_tested(within: Option<&Path>, comm: &mut dyn Comm) -> u8 {
         Ok(Results { text, passed }) => {
             let verdict = if passed { "all tests passed" } else { "TESTS FAILED" };
             let status = if passed { 0 } else { FAILED };
-            let ranks = comm.size();
-            let ranks = format!("{ranks} rank{}", if ranks == 1 { "" } else { "s" });
+            let ranks = counted(comm.size(), "rank");
             print(comm, format!("Self-test on {ranks}\n{text}{verdict}\n"), status)
         }
         Err(error) => {
@@ -604,27 +601,16 @@ fn state(
     scene: &Scene,
     comm: &mut dyn Comm,
 ) -> Result<(Simulation, String), u8> {
-    let mut sim = assemble::assemble(scene, comm);
-    let from = arguments
-        .start
-        .as_ref()
-        .map(|path| (path, Continuation::SameStage))
-        .or_else(|| scene.start.as_ref().map(|path| (path, Continuation::NewStage)));
-    let Some((path, from)) = from else {
+    let from = assemble::first_snapshot(scene, arguments.start.as_deref());
+    if from.is_none() {
         fits(scene, comm)?;
-        assemble::fill(&mut sim, scene, comm);
-        return Ok((sim, String::new()));
-    };
-    match assemble::take_up(&mut sim, scene, path, from, comm) {
-        Ok(taken) => {
-            print_taken_up(&taken, comm);
-            Ok((sim, taken.stop))
-        }
-        Err(error) => {
-            print_once(comm, error);
-            Err(WRONG_INPUT)
-        }
     }
+    let (sim, taken) =
+        assemble::started(scene, from, comm).map_err(|error| rejected(comm, error))?;
+    if let Some(taken) = &taken {
+        print_taken_up(taken, comm);
+    }
+    Ok((sim, taken.map(|taken| taken.stop).unwrap_or_default()))
 }
 
 /// Exit status of a run that ended normally; prints how to continue after a signal.
@@ -702,7 +688,7 @@ fn tried(
     let mut sim = assemble::assemble(scene, comm);
     has_columns(arguments, scene, &sim, comm)?;
     assemble::fill(&mut sim, scene, comm);
-    run::begin(&mut sim, comm).map_err(|error| failed(&error, "", &sim, false, comm))?;
+    run::begin(&mut sim, comm).map_err(|error| failed(&error, "", owned(&sim), false, comm))?;
     Ok(Some(sim))
 }
 
@@ -729,7 +715,7 @@ fn begins(
     if arguments.start.is_some() {
         return Ok(());
     }
-    run::begin(sim, comm).map_err(|error| failed(&error, "", sim, false, comm))?;
+    run::begin(sim, comm).map_err(|error| failed(&error, "", owned(sim), false, comm))?;
     if let Some(words) = run::follow_limit(sim, scene.over_the_limit(), comm) {
         print_once(comm, format!("warning: {words}"));
     }
@@ -854,7 +840,7 @@ fn run(
     let finish = run::run(sim, schedule, comm, &mut |progress| display.show(progress));
     let finish = finish.map_err(|error| {
         let before = before_fault(&error, sim.step, schedule, arguments);
-        failed(&error, &before, sim, arguments.threads.is_some(), comm)
+        failed(&error, &before, owned(sim), arguments.threads.is_some(), comm)
     })?;
     display.end();
     let unprinted = display.unprinted.take();
@@ -889,10 +875,10 @@ fn heading(scene: &Scene, schedule: &Schedule, sim: &Simulation, ranks: u32) -> 
         format!(", {share:.0} % of the stable limit{warning}")
     });
     format!(
-        "{}: contact method {}, {ranks} rank{}, steps {} to {} of {:e} s{limit}",
+        "{}: contact method {}, {}, steps {} to {} of {:e} s{limit}",
         scene.title,
         scene.method.name(),
-        if ranks == 1 { "" } else { "s" },
+        counted(ranks, "rank"),
         sim.step,
         schedule.last_step,
         sim.dt,
@@ -912,11 +898,16 @@ fn before_fault(error: &RunError, step: u64, schedule: &Schedule, arguments: &Ar
     }
 }
 
+/// Ids of the particles of this rank.
+fn owned(sim: &Simulation) -> &[GlobalId] {
+    &sim.particles.id[..sim.particles.owned]
+}
+
 /// Reports why a run could not go on, and returns the exit status. If only this rank knows, it ends all ranks.
 fn failed(
     error: &RunError,
     before: &str,
-    sim: &Simulation,
+    owned: &[GlobalId],
     in_threads: bool,
     comm: &dyn Comm,
 ) -> u8 {
@@ -927,7 +918,7 @@ fn failed(
         RunError::Step(_) | RunError::Table(_) => {
             // Other ranks do not know the error: this one reports it, and ends them.
             if let RunError::Step(StepError::Contact { a, .. }) = error
-                && !sim.particles.id[..sim.particles.owned].contains(a)
+                && !owned.contains(a)
             {
                 // The rank that owns A has the same error, and reports it.
                 std::thread::sleep(OTHERS_FIRST);

@@ -153,8 +153,7 @@ impl Swings {
 
 #[cfg(test)]
 mod tests {
-    use super::Course;
-    use super::Errors;
+    use super::{Course, Errors};
 
     /// Parts merge without loss: the mean over the last fifth of errors that grow by one a step has a closed form.
     #[test]

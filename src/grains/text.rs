@@ -91,6 +91,12 @@ pub fn listed<T: AsRef<str>>(names: impl IntoIterator<Item = T>, most: usize) ->
     }
 }
 
+/// A number of things: `1 rank`, `2 ranks`.
+pub fn counted(count: impl Into<u64>, noun: &str) -> String {
+    let count = count.into();
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
 /// Same as [`decode`], with U+FFFD for invalid text, for files whose names and comments do not matter.
 pub fn lossy(bytes: &[u8]) -> String {
     tidy(match utf16(bytes) {

@@ -242,7 +242,8 @@ impl Rate {
         };
         let middle = 0.5 * (first.time_s + last.time_s);
         // The row between the halves belongs to both, so that together they cover the whole time.
-        let between = rows.partition_point(|row| row.time_s < middle);
+        // Snapshots of others may go back in time.
+        let between = rows.partition_point(|row| row.time_s < middle).min(rows.len() - 1);
         let (early, late) = (&rows[..=between], &rows[between..]);
         let halves = (early.len() > 1 && late.len() > 1)
             .then(|| [early, late].map(|half| slope(half, |row| row.mass_kg)));

@@ -98,7 +98,7 @@ pub fn write_particles(
     header: &Header,
     particles: &ParticleTable,
 ) -> io::Result<()> {
-    let bodies: Vec<(f64, [f64; 2])> = header.shapes.iter().map(round).collect();
+    let bodies: Vec<(f64, [f64; 2])> = header.shapes.iter().map(size_and_exponents).collect();
     for (row, id) in particles.id.iter().enumerate() {
         let shape = &header.shapes[particles.shape[row].index()];
         let (radius, [along, across]) = bodies[particles.shape[row].index()];
@@ -122,7 +122,7 @@ pub fn write_particles(
 }
 
 /// Radius of the sphere of equal volume [m], and exponents: those of an ellipsoid are 1.
-fn round(row: &ShapeRow) -> (f64, [f64; 2]) {
+fn size_and_exponents(row: &ShapeRow) -> (f64, [f64; 2]) {
     let body = row.body();
     let exponents = match &*body {
         Shape::Superellipsoid(body) => body.exponents(),

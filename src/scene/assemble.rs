@@ -306,6 +306,33 @@ pub fn fill(sim: &mut Simulation, scene: &Scene, comm: &dyn Comm) {
     }
 }
 
+/// Simulation with the particles of a snapshot, and what became of them, or else with those of the scene's fill. Collective.
+///
+/// # Errors
+/// See [`take_up`].
+pub fn started(
+    scene: &Scene,
+    from: Option<(&Path, Continuation)>,
+    comm: &mut dyn Comm,
+) -> Result<(Simulation, Option<RestartInfo>), StartError> {
+    let mut sim = assemble(scene, comm);
+    let Some((path, continuation)) = from else {
+        fill(&mut sim, scene, comm);
+        return Ok((sim, None));
+    };
+    let taken = take_up(&mut sim, scene, path, continuation, comm)?;
+    Ok((sim, Some(taken)))
+}
+
+/// The snapshot with which a run begins: one within the stage, or the start of the stage.
+pub fn first_snapshot<'a>(
+    scene: &'a Scene,
+    within: Option<&'a Path>,
+) -> Option<(&'a Path, Continuation)> {
+    let before = scene.start.as_deref().map(|path| (path, Continuation::NewStage));
+    within.map(|path| (path, Continuation::SameStage)).or(before)
+}
+
 /// Restores the state of a snapshot, or of the newest good one of a directory. Collective.
 ///
 /// # Errors

@@ -130,11 +130,10 @@ impl Source<'_> {
         path: &Path,
         wrong: &dyn Fn(&Listed) -> Option<String>,
     ) -> Result<(Vec<Listed>, Vec<String>), Vec<String>> {
-        let is_binary = self.format.map_or_else(|| ondem::is_one(path), |f| f == Format::OnDem);
-        let text = if is_binary { String::new() } else { cells::text(path)? };
+        let named = self.format.or_else(|| ondem::is_one(path).then_some(Format::OnDem));
+        let text = if named == Some(Format::OnDem) { String::new() } else { cells::text(path)? };
         let is_name = |name: &str| is_column(self.own(name));
-        let of_text = || if is_binary { Format::OnDem } else { format_of(path, &text) };
-        let format = self.format.unwrap_or_else(of_text);
+        let format = named.unwrap_or_else(|| format_of(path, &text));
         if self.frame.is_some() && format != Format::LammpsDump {
             return Err(vec!["`frame` is of dumps of LAMMPS, and this file is none".to_owned()]);
         }

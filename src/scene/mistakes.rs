@@ -1,6 +1,6 @@
 //! Errors of a scene, each with its location, all at once.
 
-use crate::text::{listed, shown};
+use crate::text::{counted, listed, shown};
 use std::cell::RefCell;
 use std::fmt;
 use std::sync::Arc;
@@ -46,7 +46,7 @@ const LONGEST_NAME: usize = 60;
 impl fmt::Display for SceneErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let count = self.problems.len();
-        write!(f, "{count} error{} in the scene", if count == 1 { "" } else { "s" })?;
+        write!(f, "{} in the scene", counted(count as u64, "error"))?;
         for Problem { location, message } in self.problems.iter().take(SHOWN) {
             match location {
                 Location::File => write!(f, "\n{}: {message}", self.file)?,

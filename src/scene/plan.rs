@@ -21,7 +21,7 @@ use crate::output::tables::PARTICLE_COLUMNS;
 use crate::shape::moments::Placement;
 use crate::shape::{Convex as _, Kind, Shape, Union};
 use crate::sim::run::Pace;
-use crate::text::listed;
+use crate::text::{counted, listed};
 use crate::walls::{Mesh, Wall};
 use indicatif::HumanDuration;
 use std::collections::BTreeSet;
@@ -513,7 +513,7 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
         String::new()
     };
     page.line("halo width", format!("{reach:.4e} m, largest bounding diameter and skin{gap}"));
-    let ranks_seen = format!("({ranks} rank{})", if ranks == 1 { "" } else { "s" });
+    let ranks_seen = format!("({})", counted(ranks, "rank"));
     if count == 0 || scene.start.is_some() {
         page.line("particles", format!("unknown until the start snapshot is read {ranks_seen}"));
         return;
@@ -586,13 +586,17 @@ pub fn run_time(workload: &Workload, pace: &Pace, ranks: u32) -> String {
         page.line(
             "run time",
             format!(
-                "{} {time} on {ranks} rank{} here, by {} steps of {:.2e} s; a particle has {:.1} contacts{}",
+                "{} {time} on {} here, by {} steps of {:.2e} s; a particle has {:.1} contacts{}",
                 if is_loose { "at least" } else { "about" },
-                if ranks == 1 { "" } else { "s" },
+                counted(ranks, "rank"),
                 pace.steps,
                 pace.seconds / pace.steps as f64,
                 pace.coordination,
-                if is_loose { ", and settled particles take two to five times as long" } else { "" }
+                if is_loose {
+                    ", and settled particles take two to five times as long"
+                } else {
+                    ""
+                }
             ),
         );
     }

@@ -74,14 +74,16 @@ pub fn probe(
     let scene = &Scene { cell: Some(control), domain, ..scene.clone() };
     let mut all =
         Probe { strain, stress: [0.0; 6], stiffness: [[0.0; 6]; 6], uneven: 0.0, unrest: 0.0 };
+    let from = start.map(|path| (path, Continuation::NewStage));
     let (mut most, mut uneven) = (0.0_f64, 0.0_f64);
     for along in 0..6 {
         let [more, less] = [strain, -strain].map(|strain| {
-            let mut sim = begun(scene, start, comm)?;
+            let (mut sim, _) = assemble::started(scene, from, comm)?;
+            sim.begin(comm)?;
             all.stress = stress(&sim, comm);
-            let after = strained(&mut sim, (along, strain), limit.dt, comm)?;
-            all.unrest = all.unrest.max(after.1);
-            Ok::<_, ProbeError>(after.0)
+            let (after, unrest) = strained(&mut sim, all.stress, (along, strain), limit.dt, comm)?;
+            all.unrest = all.unrest.max(unrest);
+            Ok::<_, ProbeError>(after)
         });
         let (more, less) = (more?, less?);
         for (k, row) in all.stiffness.iter_mut().enumerate() {
@@ -97,38 +99,20 @@ pub fn probe(
     Ok(all)
 }
 
-/// The state, at rest.
-fn begun(
-    scene: &Scene,
-    start: Option<&Path>,
-    comm: &mut dyn Comm,
-) -> Result<Simulation, ProbeError> {
-    let mut sim = assemble::assemble(scene, comm);
-    match start {
-        Some(path) => {
-            assemble::take_up(&mut sim, scene, path, Continuation::NewStage, comm)?;
-        }
-        None => assemble::fill(&mut sim, scene, comm),
-    }
-    sim.begin(comm)?;
-    Ok(sim)
-}
-
 /// Stress, compression positive [Pa].
 fn stress(sim: &Simulation, comm: &mut dyn Comm) -> [f64; 6] {
-    let bulk = sim.measure(comm).bulk;
-    bulk.map_or([0.0; 6], |bulk| std::array::from_fn(|k| bulk.of_contacts[k] + bulk.of_motion[k]))
+    sim.measure(comm).bulk.map_or([0.0; 6], |bulk| bulk.stress())
 }
 
-/// Stress after a strain of a component, when the particles have come to rest, and its last change over that by the strain.
+/// Stress after a strain of a component, when the particles have come to rest, and its last change over that since `before`.
 /// The stable limit [s] is about the time in which a wave goes one particle further.
 fn strained(
     sim: &mut Simulation,
+    before: [f64; 6],
     (component, strain): (usize, f64),
     limit: f64,
     comm: &mut dyn Comm,
 ) -> Result<([f64; 6], f64), ProbeError> {
-    let before = stress(sim, comm);
     let diameter = 2.0 * sim.particles.library.largest_radius();
     let crossing = limit * (sim.particles.cell.sides().max() / diameter).max(1.0);
     let steps = (crossing / sim.dt).ceil().max(1.0) as u64;

@@ -2,7 +2,8 @@
 //!
 //! Three closed forms and a small run that is written, read again and compared with the bits of the developers' machine.
 
-use super::{Scene, SceneErrors, assemble};
+use super::assemble::{self, StartError};
+use super::{Scene, SceneErrors};
 use crate::comm::Comm;
 use crate::contact::Method;
 use crate::math::Vec3;
@@ -61,6 +62,9 @@ pub enum SelfTestError {
     /// A scene of the tests is rejected.
     #[error(transparent)]
     Scene(#[from] SceneErrors),
+    /// The particles cannot be placed.
+    #[error(transparent)]
+    Start(#[from] StartError),
     /// A step failed.
     #[error(transparent)]
     Step(#[from] StepError),
@@ -130,8 +134,7 @@ fn overlap() -> f64 {
 fn balls(gravity: &str, comm: &mut dyn Comm) -> Result<Simulation, SelfTestError> {
     let text = BALLS.replace("GRAVITY", gravity);
     let scene = Scene::parse(&text, "self-test", Path::new("."), &[])?;
-    let mut sim = assemble::assemble(&scene, comm);
-    assemble::fill(&mut sim, &scene, comm);
+    let (mut sim, _) = assemble::started(&scene, None, comm)?;
     sim.begin(comm)?;
     for _ in 0..scene.steps {
         sim.step(comm)?;
@@ -139,16 +142,17 @@ fn balls(gravity: &str, comm: &mut dyn Comm) -> Result<Simulation, SelfTestError
     Ok(sim)
 }
 
-/// Largest value of all ranks of a number of each owned particle.
+/// Largest value of all ranks of a number of each owned particle; infinite if one is no number.
 fn largest(sim: &Simulation, comm: &mut dyn Comm, of: impl Fn(usize) -> f64) -> f64 {
-    let mut most = [(0..sim.particles.owned).map(of).fold(0.0, f64::max)];
+    let known = |number: f64| if number.is_nan() { f64::INFINITY } else { number };
+    let mut most = [(0..sim.particles.owned).map(of).map(known).fold(0.0, f64::max)];
     comm.max(&mut most);
     most[0]
 }
 
 fn fall(comm: &mut dyn Comm) -> Result<f64, SelfTestError> {
     let sim = balls("[0, 0, -9.81]", comm)?;
-    let height = -0.5 * 9.81 * (2000.0 * sim.dt).powi(2);
+    let height = -0.5 * 9.81 * (sim.step as f64 * sim.dt).powi(2);
     let particles = &sim.particles;
     Ok(largest(&sim, comm, |slot| (particles.position[slot].z / height - 1.0).abs()))
 }
@@ -165,8 +169,7 @@ fn exchange(comm: &mut dyn Comm) -> Result<f64, SelfTestError> {
 /// Energy, bits and snapshot of a run of all kinds of grains.
 fn crowd(folder: &Path, results: &mut Results, comm: &mut dyn Comm) -> Result<(), SelfTestError> {
     let scene = Scene::parse(CROWD, "self-test", Path::new("."), &[])?;
-    let mut sim = assemble::assemble(&scene, comm);
-    assemble::fill(&mut sim, &scene, comm);
+    let (mut sim, _) = assemble::started(&scene, None, comm)?;
     let schedule = Schedule {
         last_step: STEPS,
         ends_stage: true,

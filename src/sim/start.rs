@@ -8,6 +8,7 @@ use crate::math::Vec3;
 use crate::measure::shortest_axis;
 use crate::particles::Particles;
 use crate::shape::Kind;
+use crate::text::counted;
 
 /// Deepest overlap with which a run may begin, over the shortest axis of the smaller body: the largest that DEM commonly
 /// permits (the paper, section 2.1).
@@ -118,8 +119,8 @@ fn overlap_message(
 ) -> String {
     use std::fmt::Write;
     let mut text = format!(
-        "{all} pair{} overlap by more than {} % of the shortest axis at the start:",
-        if all == 1 { "" } else { "s" },
+        "{} overlap by more than {} % of the shortest axis at the start:",
+        counted(all.unsigned_abs(), "pair"),
         100.0 * DEEPEST_START
     );
     for (depth, a, b, at) in worst {

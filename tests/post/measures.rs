@@ -653,6 +653,8 @@ fn flow_is_counted_through_a_plane() {
     let [early, late] = Rate::of(&unsteady, None).unwrap().halves.unwrap();
     assert_eq!([early, late], [1.5, 4.5]);
     assert_eq!(Rate::of(&unsteady[..2], None).unwrap().halves, None, "each half needs two rows");
+    let back = [row(1.0, 0.0), row(0.0, 1.0), row(0.0, 2.0)];
+    assert_eq!(Rate::of(&back, None).unwrap().halves, None, "times that go back");
     assert!(
         Rate::of(&[row(0.0, 0.0)], None).unwrap_err().to_string().contains("1 rows in the window")
     );

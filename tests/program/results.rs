@@ -7,16 +7,21 @@ use std::fs;
 use std::path::Path;
 
 /// Scenes with their steps, and with options of `dem-post` that fit them.
-const RUNS: [(&str, &str, &str); 6] = [
+const RUNS: [(&str, &str, &str); 7] = [
     ("tests/program/heap.toml", "2000", "--fields 1d --margin 1d"),
     ("tests/program/kinds.toml", "1500", "--surfaces --detail 1 --lammps --fabric-with-walls"),
     ("tests/program/chute.toml", "4000", "--flow -z=0.03 --vtp"),
     ("run/drum/scene.toml", "4000", "--mixing shape:red --slope x --fields 1d"),
     ("run/triaxial/1-pack.toml", "400", "--fields 1d --weight gauss --mixing half:z"),
+    ("run/jacks/fill.toml", "30000", "--surfaces --detail 1 --fields 1d"),
     ("tests/scenes/good/strained.toml", "300", "--fabric-with-walls"),
 ];
 
-/// Files whose content is text without names of folders.
+/// Shapes that are drawn too, with their scenes.
+const DRAWN: [(&str, &str); 2] =
+    [("tests/program/kinds.toml", "shard"), ("run/jacks/fill.toml", "jack")];
+
+/// Endings of the files that are text.
 const KINDS: [&str; 5] = ["csv", "svg", "json", "vtp", "dump"];
 
 /// Hash of all files of a kind in a folder, without the folder of the run.
@@ -39,6 +44,10 @@ fn results_are_those_of_the_commit_before() {
         let short = ["--set", "output.snapshot_every=200", "--set", "output.history_every=50"];
         let words = [scene, "--steps", steps, "--out", out].into_iter().chain(short);
         dem_mpi(Launch::Alone, words).succeed();
+        if let Some((_, shape)) = DRAWN.iter().find(|(of, _)| *of == scene) {
+            let words = [scene, "--shape", shape, "--out", post.to_str().unwrap()];
+            dem_mpi(Launch::Alone, words.into_iter()).succeed();
+        }
         let words = [out, "--series", "--out", post.to_str().unwrap()].into_iter();
         dem_post(words.chain(options.split(' '))).succeed();
         let history = fs::read(run.join("history.csv")).unwrap();

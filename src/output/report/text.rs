@@ -4,6 +4,7 @@ use super::audit::{Audit, KindErrors, Spread};
 use super::sizes::SizesOf;
 use super::{DissipatedBy, Ended, Least, Memory, Ranks, Report, Share, Spent};
 use crate::drive::Kept;
+use crate::text::counted;
 use crate::timing::Phase;
 use std::fmt::{Display, Formatter, Write};
 use std::path::Path;
@@ -71,15 +72,14 @@ impl Report {
             Ended::BySignal => "stopped by a signal",
         };
         page.line(format_args!(
-            "steps      {how}: {} steps, to step {} ({:.6} s), of {} particles, in {:.1} s on {} rank{}; {:.3e} particle-steps \
+            "steps      {how}: {} steps, to step {} ({:.6} s), of {} particles, in {:.1} s on {}; {:.3e} particle-steps \
              per second ({:.3} µs per particle-step and rank)",
             run.steps,
             run.last_step,
             run.time_s,
             run.particles,
             run.wall_s,
-            run.ranks,
-            if run.ranks == 1 { "" } else { "s" },
+            counted(run.ranks, "rank"),
             run.particle_steps_per_s,
             1e-3 * run.ns_per_particle_step,
         ));

@@ -5,7 +5,7 @@ use crate::comm::Comm;
 use crate::comm::alone::Alone;
 use crate::contacts::Loaded;
 use crate::random::{Random, mixed};
-use crate::scene::assemble::{self, Continuation};
+use crate::scene::assemble;
 use crate::scene::parts::Need;
 use crate::scene::{Rain, Scene, plan};
 use crate::sim::report::machine_bytes;
@@ -302,19 +302,11 @@ fn rounded_down(number: f64) -> f64 {
 
 /// Simulation at its start; true if it continues within a stage.
 fn started(scene: &Scene, start: Option<&Path>) -> Result<(Simulation, bool), TrialError> {
-    let mut comm = Alone::default();
-    let mut sim = assemble::assemble(scene, &comm);
-    let same = start.map(|path| (path, Continuation::SameStage));
-    let before = scene.start.as_deref().map(|path| (path, Continuation::NewStage));
-    match same.or(before) {
-        None => {
-            plan::fits(scene, 1, machine_bytes()).map_err(wrong)?;
-            assemble::fill(&mut sim, scene, &comm);
-        }
-        Some((path, how)) => {
-            assemble::take_up(&mut sim, scene, path, how, &mut comm).map_err(wrong)?;
-        }
+    let from = assemble::first_snapshot(scene, start);
+    if from.is_none() {
+        plan::fits(scene, 1, machine_bytes()).map_err(wrong)?;
     }
+    let (sim, _) = assemble::started(scene, from, &mut Alone::default()).map_err(wrong)?;
     Ok((sim, start.is_some()))
 }
 
