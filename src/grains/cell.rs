@@ -350,6 +350,12 @@ impl Cell {
         Mat3::from_columns(&[self.edge(0), self.edge(1), self.edge(2)])
     }
 
+    /// Whether an edge leans from its axis.
+    pub fn is_tilted(&self) -> bool {
+        let edges = self.edges();
+        [edges.m12, edges.m13, edges.m23] != [0.0; 3]
+    }
+
     /// An upright cell of the same sides, if the edges of this one may be tilted.
     pub fn upright(&self) -> Option<Self> {
         matches!(self.images, Images::Carried(_))

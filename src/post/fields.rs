@@ -354,7 +354,7 @@ fn check_width(header: &Header, how: Smoothing) -> Result<(), MeasureError> {
     }
     let range = weight.range(width);
     let edges = header.cell.edges();
-    if header.cell.strained().is_some() && edges != Mat3::from_diagonal(&edges.diagonal()) {
+    if header.cell.is_tilted() {
         return Err(MeasureError::Leaning);
     }
     match header.cell.thin(2.0 * range).next() {

@@ -3,7 +3,8 @@
 //! Cells are separated by commas ([`csv`]) or blanks ([`blanks`]). Files of LAMMPS are read into the same form. Names are in the first line, or
 //! in a comment above it. Lines that begin with `#` are comments.
 
-use crate::math::Vec3;
+use crate::cell::{Cell, Strained};
+use crate::math::{Mat3, Vec3};
 use crate::text::{self, Lines, shown};
 use csv::StringRecord;
 use std::path::Path;
@@ -26,12 +27,38 @@ pub(super) struct Cells<'a> {
     pub(super) doubts: Vec<String>,
 }
 
-/// A box with axes along x, y and z [m].
+/// A box [m].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bounds {
     pub(super) low: Vec3,
-    pub(super) high: Vec3,
+    /// Edges as columns; upper triangular.
+    pub(super) edges: Mat3,
     pub(super) periodic: [bool; 3],
+}
+
+impl Bounds {
+    /// Error if the edges lean and are not those of the domain.
+    pub(super) fn check(&self, domain: Option<&Cell>) -> Result<(), String> {
+        let Self { low, edges, .. } = self;
+        let still = Strained { edges: *edges, rate: Mat3::zeros(), strain: Mat3::zeros() };
+        let cell = Cell::new(*low, low + edges.diagonal(), [true; 3]).with_strain(still);
+        let (Some(cell), Some(domain)) = (cell.filter(Cell::is_tilted), domain) else {
+            return Ok(());
+        };
+        if domain.strained().is_some() && (domain.edges() - cell.edges()).amax() <= 1e-9 * edges.amax() {
+            return Ok(());
+        }
+        let rows: Vec<String> =
+            edges.column_iter().map(|edge| format!("[{:?}, {:?}, {:?}]", edge.x, edge.y, edge.z)).collect();
+        Err(format!(
+            "the box is tilted, and the domain is not so: with a [cell], write `low = [{:?}, {:?}, {:?}]` and `edges = [{}]` in [domain], \
+             or write the file after `change_box all ortho`",
+            low.x,
+            low.y,
+            low.z,
+            rows.join(", ")
+        ))
+    }
 }
 
 /// The text of a table.

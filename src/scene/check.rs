@@ -18,7 +18,7 @@ use super::reader::{Given, Section};
 use super::room::Room;
 use super::walls::Walls;
 use super::{Control, Fill, FreeWall, Inlet, Method, Mix, Outlet, Rain, Scene, Servo, Stop};
-use crate::cell::{AXES, Cell, Shear};
+use crate::cell::{AXES, Cell, Shear, Strained};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
 use crate::drive::groups::{Group, held_of};
@@ -26,7 +26,7 @@ use crate::drive::inlet::Amount;
 use crate::ids::ShapeId;
 use crate::law::Choice;
 use crate::law::stability::{TimeStepLimit, own_step, time_step_limit};
-use crate::math::{Vec3, printed_limit};
+use crate::math::{Mat3, Vec3, printed_limit};
 use crate::population::Library;
 use crate::sim::audit::Settings as Audit;
 use crate::sim::steps_of;
@@ -442,7 +442,10 @@ fn skins(library: &Library) -> [f64; 2] {
 
 fn domain(section: &Section) -> Option<Cell> {
     let low = section.vector("low");
-    let high = section.vector("high");
+    if let Some(edges) = section.get("edges") {
+        return tilted(section, low?, &edges);
+    }
+    let high = section.require("high").and_then(|high| high.vector());
     let periodic = section.read_or("periodic", [false; 3], |given| given.list_of(Given::boolean));
     let sheared = section.get("shear");
     let (low, high) = (low?, high?);
@@ -457,6 +460,28 @@ fn domain(section: &Section) -> Option<Cell> {
         None => Some(cell),
         Some(given) => cell.with_shear(shear(&given, &cell)?),
     }
+}
+
+/// A cell with edges that lean from their axes.
+fn tilted(section: &Section, low: Vec3, given: &Given) -> Option<Cell> {
+    for key in ["high", "shear", "walls"] {
+        section.refuse(key, "is not together with `edges`");
+    }
+    let edges = Mat3::from_columns(&given.list_of::<3, _>(Given::vector)?);
+    let periodic = section.read_or("periodic", [true; 3], |given| given.list_of(Given::boolean))?;
+    if periodic != [true; 3] {
+        section.get("periodic")?.fail("must be true for all axes with `edges`");
+        return None;
+    }
+    let still = Strained { edges, rate: Mat3::zeros(), strain: Mat3::zeros() };
+    let cell = Cell::new(low, low + edges.diagonal(), periodic).with_strain(still);
+    if cell.is_none() {
+        given.fail(
+            "must be [a, 0, 0], [b, c, 0] and [d, e, f] with a, c and f above 0: the first edge is along x, the second in the plane \
+             of x and y",
+        );
+    }
+    cell
 }
 
 /// Sliding of the images of a cell.
@@ -520,7 +545,7 @@ fn check_shear(root: &Section, domain: &Cell, gravity: Option<Vec3>, walls: usiz
 
 /// Rejects periods in which a particle could meet two images of the same particle.
 fn check_periods(section: &Section, domain: &Cell, reach: f64) {
-    let Some(given) = section.get("periodic") else { return };
+    let Some(given) = section.get("periodic").or_else(|| section.get("edges")) else { return };
     for (axis, width) in domain.thin(2.0 * reach) {
         given.fail(format!(
             "the domain is {width:?} m wide along {axis}; a period must be at least {:.4e} m, twice the largest bounding diameter and \

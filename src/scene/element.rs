@@ -17,8 +17,14 @@ const LOOKS: u32 = 1000;
 
 /// Domain in the form that the flow of a `[cell]` can carry.
 pub(super) fn domain(root: &Section, domain: Option<&Cell>) -> Option<Cell> {
-    let (Some(given), Some(before)) = (root.get("cell"), domain) else { return domain.copied() };
-    let carried = before.at_rest();
+    let before = domain?;
+    let Some(given) = root.get("cell") else {
+        if let Some(edges) = root.section("domain").and_then(|domain| domain.get("edges")) {
+            edges.fail_whole("needs a [cell]; an empty one keeps the edges");
+        }
+        return Some(*before);
+    };
+    let carried = if before.strained().is_some() { Some(*before) } else { before.at_rest() };
     if carried.is_none() {
         given.fail_whole(
             "needs a domain that is periodic along x, y and z, and without `shear`: use `xy = { rate = .. }` instead",

@@ -361,6 +361,7 @@ impl Fills<'_> {
             columns: columns?,
             shapes,
             library: complete.then_some(library),
+            domain: self.domain,
             first_id,
         })
     }

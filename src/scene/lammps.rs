@@ -9,7 +9,7 @@
 //! (<https://gitlab.com/stuko/ovito/-/issues/213>); quaternions of data files begin with w. Tilted boxes are rejected.
 
 use super::cells::{Bounds, Cells, lines, number};
-use crate::math::Vec3;
+use crate::math::{Mat3, Vec3};
 use crate::text::shown;
 use csv::StringRecord;
 use std::collections::BTreeMap;
@@ -21,8 +21,7 @@ fn wrong<T>(line: usize, what: impl std::fmt::Display) -> Found<T> {
 }
 
 /// Advice about a tilted box.
-const TILTED: &str =
-    "the box is tilted, and the domain of a scene is not: write it after `change_box all ortho`";
+const GENERAL: &str = "the edges of the box have any direction: write it without `triclinic/general`";
 
 // --- data files ---
 
@@ -55,9 +54,9 @@ fn is_title(line: &str) -> bool {
     line.split_whitespace().all(|word| word.starts_with(|c: char| c.is_ascii_alphabetic()))
 }
 
-/// The number of atoms, and the sections.
-fn sections(text: &str) -> Found<(Option<usize>, Vec<Section<'_>>)> {
-    let mut count = None;
+/// The number of atoms, the sections, and the box if it is tilted.
+fn sections(text: &str) -> Found<(Option<usize>, Vec<Section<'_>>, Option<Bounds>)> {
+    let (mut count, mut sides) = (None, Sides::default());
     let mut sections: Vec<Section> = Vec::new();
     for (line, whole) in (1..).zip(text.lines()).skip(1) {
         let (cells, style) = whole.split_once('#').unwrap_or((whole, ""));
@@ -70,15 +69,52 @@ fn sections(text: &str) -> Found<(Option<usize>, Vec<Section<'_>>)> {
             section.lines.push((line, cells));
         } else if let Some(atoms) = atoms(cells) {
             count = Some(atoms);
-        } else if let Some(tilts) = cells.strip_suffix("xy xz yz") {
-            if tilts.split_whitespace().any(|tilt| tilt.parse() != Ok(0.0)) {
-                return wrong(line, TILTED);
-            }
         } else if cells.ends_with("vec") {
-            return wrong(line, TILTED);
+            return wrong(line, GENERAL);
+        } else {
+            sides.note(line, cells)?;
         }
     }
-    Ok((count, sections))
+    Ok((count, sections, sides.bounds()))
+}
+
+/// Sides of the box of a data file [m].
+#[derive(Default)]
+struct Sides {
+    ends: [Option<[f64; 2]>; 3],
+    /// Tilts xy, xz and yz.
+    tilts: [f64; 3],
+}
+
+impl Sides {
+    /// `-1 1 xlo xhi` or `0.1 0 0 xy xz yz`; other lines mean nothing here.
+    fn note(&mut self, line: usize, cells: &str) -> Found<()> {
+        let numbers = |words: &str| -> Found<Vec<f64>> {
+            let all: Result<_, _> = words.split_whitespace().map(number).collect();
+            all.or_else(|what| wrong(line, what))
+        };
+        if let Some(words) = cells.strip_suffix("xy xz yz") {
+            let Ok(tilts) = numbers(words)?.try_into() else {
+                return wrong(line, "the tilts of a box are three numbers");
+            };
+            self.tilts = tilts;
+        }
+        for (ends, name) in self.ends.iter_mut().zip(["xlo xhi", "ylo yhi", "zlo zhi"]) {
+            if let Some(words) = cells.strip_suffix(name) {
+                *ends = numbers(words)?.try_into().ok();
+            }
+        }
+        Ok(())
+    }
+
+    /// A tilted box; positions in others are taken as they are.
+    fn bounds(&self) -> Option<Bounds> {
+        let [Some([x, right]), Some([y, back]), Some([z, top])] = self.ends else { return None };
+        let [xy, xz, yz] = self.tilts;
+        let edges = Mat3::new(right - x, xy, xz, 0.0, back - y, yz, 0.0, 0.0, top - z);
+        let is_tilted = self.tilts != [0.0; 3];
+        is_tilted.then_some(Bounds { low: Vec3::new(x, y, z), edges, periodic: [true; 3] })
+    }
 }
 
 type ById<'a> = BTreeMap<u64, Vec<&'a str>>;
@@ -110,7 +146,7 @@ fn by_id<'a>(section: &Section<'a>, count: usize) -> Found<ById<'a>> {
 /// A data file.
 pub(super) fn data(text: &str) -> Found<Cells<'_>> {
     const OTHERS: [&str; 3] = ["Lines", "Triangles", "Bodies"];
-    let (count, mut sections) = sections(text)?;
+    let (count, mut sections, bounds) = sections(text)?;
     if let Some(Section { line, title, .. }) = sections.iter().find(|s| OTHERS.contains(&s.title)) {
         let what = format!("particles of section {title} are not read: spheres and ellipsoids are");
         return wrong(*line, what);
@@ -147,7 +183,7 @@ pub(super) fn data(text: &str) -> Found<Cells<'_>> {
         let record = atoms.row(cells).map_err(|what| format!("line {line}: {what}"))?;
         Ok((line, record))
     });
-    Ok(Cells { names, rows: Box::new(rows), is_rich: true, bounds: None, doubts: Vec::new() })
+    Ok(Cells { names, rows: Box::new(rows), is_rich: true, bounds, doubts: Vec::new() })
 }
 
 /// Data of atoms from other sections of a data file.
@@ -305,21 +341,30 @@ fn rows_of<'a>(lines: &mut Numbered<'a>) -> Vec<(usize, &'a str)> {
 fn bounds_of(line: usize, item: &str, lines: &mut Numbered) -> Found<Bounds> {
     let words: Vec<&str> = item.split_whitespace().skip(2).collect();
     if words.contains(&"abc") {
-        return wrong(line, TILTED);
+        return wrong(line, GENERAL);
     }
-    let mut bounds = Bounds { low: Vec3::zeros(), high: Vec3::zeros(), periodic: [false; 3] };
+    let (mut ends, mut tilts, mut periodic) = ([[0.0; 2]; 3], [0.0; 3], [false; 3]);
     for axis in 0..3 {
         let (line, cells) = lines.next().unwrap_or((line, ""));
         let numbers: Result<Vec<f64>, String> = cells.split_whitespace().map(number).collect();
         match numbers.as_deref() {
-            Ok([_, _, tilt]) if *tilt != 0.0 => return wrong(line, TILTED),
-            Ok([low, high] | [low, high, _]) if low < high => {
-                (bounds.low[axis], bounds.high[axis]) = (*low, *high);
+            Ok([low, high, tilt @ ..]) if low < high && tilt.len() < 2 => {
+                ends[axis] = [*low, *high];
+                tilts[axis] = tilt.first().copied().unwrap_or_default();
             }
             _ => return wrong(line, format!("`{}` is not `low high` of the box", shown(cells))),
         }
         let sides = words.len().checked_sub(3).and_then(|first| words.get(first + axis));
-        bounds.periodic[axis] = sides.is_some_and(|sides| *sides == "pp");
+        periodic[axis] = sides.is_some_and(|sides| *sides == "pp");
     }
-    Ok(bounds)
+    // The ends are those of the upright box around the tilted one.
+    let [xy, xz, yz] = tilts;
+    let around = [[xy, xz, xy + xz].as_slice(), &[yz], &[]];
+    for (ends, tilts) in ends.iter_mut().zip(around) {
+        ends[0] -= tilts.iter().copied().fold(0.0, f64::min);
+        ends[1] -= tilts.iter().copied().fold(0.0, f64::max);
+    }
+    let [x, y, z] = ends.map(|[low, high]| high - low);
+    let low = Vec3::from(ends.map(|[low, _]| low));
+    Ok(Bounds { low, edges: Mat3::new(x, xy, xz, 0.0, y, yz, 0.0, 0.0, z), periodic })
 }

@@ -19,6 +19,7 @@ use super::cells::{self, Bounds, Cells, few, lines, number};
 use super::lammps;
 use super::mistakes::suggestion;
 use super::ondem;
+use crate::cell::Cell;
 use crate::ids::{GlobalId, ShapeId};
 use crate::math::{Quat, Vec3};
 use crate::population::Library;
@@ -113,6 +114,8 @@ pub(super) struct Source<'a> {
     pub(super) shapes: Vec<&'a str>,
     /// `None` if a shape has an error.
     pub(super) library: Option<&'a Library>,
+    /// `None` if it has an error.
+    pub(super) domain: Option<&'a Cell>,
     /// Lower ids belong to other fills.
     pub(super) first_id: u64,
 }
@@ -171,6 +174,7 @@ impl Source<'_> {
         if cells.names.is_empty() {
             return Err(vec!["the file lists no particles".to_owned()]);
         }
+        cells.bounds.map_or(Ok(()), |bounds| bounds.check(self.domain)).map_err(|what| vec![what])?;
         let columns = Columns::find(self, &cells).map_err(few)?;
         let mut doubts = cells.doubts;
         doubts.extend(columns.unread());
@@ -518,11 +522,17 @@ impl<'a> Columns<'a> {
         Ok(scale)
     }
 
-    /// Place of a particle, moved into a periodic box.
-    fn in_the_box(&self, place: Vec3) -> Vec3 {
-        let Some(Bounds { low, high, periodic }) = self.bounds else { return place };
-        let size = high - low;
-        let place = if self.is_scaled { low + place.component_mul(&size) } else { place };
+    /// Place of a particle, moved into a periodic box, or into a tilted domain.
+    fn in_the_box(&self, mut place: Vec3) -> Vec3 {
+        if let Some(Bounds { low, edges, .. }) = self.bounds.filter(|_| self.is_scaled) {
+            place = low + edges * place;
+        }
+        if let Some(domain) = self.source.domain.filter(|domain| domain.is_tilted()) {
+            domain.wrap(&mut place, &mut Vec3::zeros(), &mut [0; 3]);
+            return place;
+        }
+        let Some(Bounds { low, edges, periodic }) = self.bounds else { return place };
+        let size = edges.diagonal();
         Vec3::from_fn(|axis, _| {
             let (x, low) = (place[axis], low[axis]);
             if periodic[axis] { x - size[axis] * ((x - low) / size[axis]).floor() } else { x }

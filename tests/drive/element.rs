@@ -11,6 +11,7 @@ use dem_mpi::scene::probe::probe;
 use dem_mpi::sim::Simulation;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::fs;
 
 /// Diameter of the balls of lattices [m].
 const DIAMETER: f64 = 1e-3;
@@ -187,6 +188,76 @@ fn a_hexagonal_packing_relaxes_to_its_moduli() {
     ] {
         let error = c(i, j) / unit - expected;
         assert!(error.abs() < 3e-3, "{i} {j}: {} for {expected}", c(i, j) / unit);
+    }
+}
+
+/// A face-centred lattice in a cell of its primitive edges, so that every edge leans. Along z is a space diagonal of the cube. With central
+/// springs `C11 : C12 : C13 : C33 : C44 : C66` are `30 : 10 : 8 : 32 : 8 : 10` from the cubic moduli, and `C14` is `2 sqrt 2`.
+#[test]
+fn a_cell_of_primitive_edges_has_the_moduli_of_its_lattice() {
+    const COUNT: u32 = 3;
+    let a = DIAMETER * (1.0 - 1e-5);
+    let edges = [
+        [a, 0.0, 0.0],
+        [0.5 * a, 0.75_f64.sqrt() * a, 0.0],
+        [0.5 * a, (1.0_f64 / 12.0).sqrt() * a, (2.0_f64 / 3.0).sqrt() * a],
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let mut rows = "x,y,z\n".to_owned();
+    for [i, j, k] in (0..COUNT.pow(3)).map(|n| [n % COUNT, n / COUNT % COUNT, n / COUNT / COUNT]) {
+        let place = |axis: usize| {
+            let whole = [i, j, k].map(f64::from);
+            1e-4 + (0..3).map(|edge| whole[edge] * edges[edge][axis]).sum::<f64>()
+        };
+        writeln!(rows, "{:e},{:e},{:e}", place(0), place(1), place(2)).unwrap();
+    }
+    fs::write(folder.path().join("lattice.csv"), rows).unwrap();
+    let edges = edges.map(|edge| edge.map(|x| x * f64::from(COUNT)));
+    let text = format!(
+        "[domain]\nlow = [0, 0, 0]\nedges = {edges:?}\n[cell]\n\
+         [[material]]\nname = \"steel\"\ndensity = 2000.0\nnormal_stiffness = {NORMAL:?}\n\
+         [[shape]]\nname = \"ball\"\nkind = \"sphere\"\ndiameter = {DIAMETER:?}\n[[fill.file]]\npath = \"lattice.csv\"\n\
+         [time]\nstep = 2e-6\nsteps = 1\n[neighbours]\nskin = 1e-5\n[output]\ndirectory = \"out\"\n"
+    );
+    let scene = Scene::parse(&text, "scene.toml", folder.path(), &[]).unwrap();
+    let found = probe(&scene, None, 1e-7, &mut Alone::default()).unwrap();
+    let shared = threads::run(2, |comm| probe(&scene, None, 1e-7, comm).unwrap());
+    assert!(shared.iter().all(|part| *part == found), "bits on two ranks");
+    println!("{}", found.words());
+    let unit = 2.0_f64.sqrt() / 24.0;
+    let c = |i: usize, j: usize| found.stiffness[i][j] * DIAMETER / NORMAL / unit;
+    for (i, j, expected) in [
+        (0, 0, 30.0),
+        (1, 1, 30.0),
+        (0, 1, 10.0),
+        (0, 2, 8.0),
+        (2, 1, 8.0),
+        (2, 2, 32.0),
+        (3, 3, 10.0),
+        (4, 4, 8.0),
+        (5, 5, 8.0),
+        (0, 3, 0.0),
+        (0, 4, 0.0),
+        (2, 5, 0.0),
+    ] {
+        assert!((c(i, j) - expected).abs() < 3e-3, "{i} {j}: {} for {expected}", c(i, j));
+    }
+    for (i, j, sign) in [(0, 5, 1.0), (1, 5, -1.0), (3, 4, 1.0)] {
+        let expected = sign * c(0, 5).signum() * 8.0_f64.sqrt();
+        assert!((c(i, j) - expected).abs() < 3e-3, "{i} {j}: {} for {expected}", c(i, j));
+    }
+    for (from, to, said) in [
+        ("[cell]", "", "needs a [cell]; an empty one keeps the edges"),
+        ("[cell]", "high = [1, 1, 1]\n[cell]", "is not together with `edges`"),
+        ("[cell]", "walls = [\"-z\"]\n[cell]", "is not together with `edges`"),
+        ("[cell]", "periodic = [true, true, false]\n[cell]", "must be true for all axes"),
+        ("[cell]", "[cell]\nzz = { rate = 1e9 }", "in a step"),
+        ("skin = 1e-5", "skin = 1e-3", "a period must be at least"),
+        ("edges = [[", "edges = [[0, 0, 1], [1, 0, 0], [0, 1, 0]] # ", "must be [a, 0, 0], [b, c, 0]"),
+    ] {
+        let text = text.replacen(from, to, 1);
+        let mistakes = Scene::parse(&text, "scene.toml", folder.path(), &[]).expect_err(to);
+        assert!(mistakes.to_string().contains(said), "{to}: {mistakes}");
     }
 }
 

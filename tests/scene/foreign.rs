@@ -219,6 +219,49 @@ fn frames_of_a_dump() {
     );
 }
 
+/// A tilted box of a data file or a dump is a domain with these edges. Its particles are in the box of the domain, by whole edges.
+#[test]
+fn boxes_that_lean() {
+    let edges = "edges = [[2.0, 0.0, 0.0], [0.5, 2.0, 0.0], [-0.25, 0.125, 2.0]]";
+    let data = ELLIPSOIDS
+        .replace("-1 1 zlo zhi", "-1 1 zlo zhi\n0.5 -0.25 0.125 xy xz yz")
+        .replace("0.1 0.2 0.3 0 0 0", "1.4 1.2 0.3 0 0 0");
+    // The same places as fractions of the edges, and in the box around the tilted one.
+    let part = |[x, y, z]: [f64; 3]| {
+        let w = (z + 1.0) / 2.0;
+        let v = (y + 1.0 - 0.125 * w) / 2.0;
+        format!("{:e} {v:e} {w:e}", (x + 1.0 - 0.5 * v + 0.25 * w) / 2.0)
+    };
+    let places = [[1.4, 1.2, 0.3], [0.5, 0.2, 0.3]].map(part);
+    let dump = frame(100, "xs ys zs", [&places[0], &places[1]]).replace(
+        "BOUNDS pp ff ff\n-1.0000000000000000e+00 1.0000000000000000e+00\n-1.0000000000000000e+00 1.0000000000000000e+00\n\
+         -1.0000000000000000e+00 1.0000000000000000e+00",
+        "BOUNDS xy xz yz pp pp pp\n-1.25 1.5 0.5\n-1 1.125 -0.25\n-1 1 0.125",
+    );
+    for (name, text, keys) in [
+        ("a.data", &data, EGG_AND_BEAD.to_owned()),
+        ("a.dump", &dump, format!("{EGG_AND_BEAD}{NAMED}")),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join(name), text).unwrap();
+        let rest = REST.replace("high = [1, 1, 1]", &format!("{edges}\n[cell]"));
+        let with = |rest: &str| {
+            let scene = format!("{rest}[[fill.file]]\npath = \"{name}\"\n{keys}");
+            Scene::parse(&scene, "scene.toml", folder.path(), &[]).map_err(|e| e.to_string())
+        };
+        let scene = with(&rest).unwrap_or_else(|errors| panic!("{name}: {errors}"));
+        let [egg, bead] = rows(&scene) else { panic!("two particles") };
+        // One whole second edge below.
+        near(egg.position, Vec3::new(0.9, -0.8, 0.3), 1e-15);
+        near(bead.position, Vec3::new(0.5, 0.2, 0.3), 1e-15);
+        // The proposal of the message is this domain.
+        let errors = with(REST).unwrap_err();
+        assert!(errors.contains("write `low = [-1.0, -1.0, -1.0]`"), "{errors}");
+        assert!(errors.contains(&format!("`{edges}`")), "{errors}");
+        assert!(with(&rest.replace("0.5, 2.0", "0.4, 2.0")).is_err());
+    }
+}
+
 /// Lines x y z r, as Yade and others write them, with and without a header.
 #[test]
 fn lines_of_places_and_radii() {
@@ -361,9 +404,10 @@ fn data_files_that_cannot_be_read() {
     for (file, said) in [
         (
             data("-1 1 zlo zhi", "-1 1 zlo zhi\n0.1 0 0 xy xz yz"),
-            "line 10: the box is tilted, and the domain of a scene is not: write it after",
+            "write `low = [-1.0, -1.0, -1.0]` and `edges = [[2.0, 0.0, 0.0], [0.1, 2.0, 0.0], [0.0, 0.0, 2.0]]` in [domain]",
         ),
-        (data("-1 1 xlo xhi", "1 0 0 avec"), "line 7: the box is tilted"),
+        (data("-1 1 zlo zhi", "-1 1 zlo zhi\n0.1 0 xy xz yz"), "line 10: the tilts of a box are three"),
+        (data("-1 1 xlo xhi", "1 0 0 avec"), "line 7: the edges of the box have any direction"),
         (
             data("# ellipsoid", "# molecular"),
             "line 11: atom_style molecular is not read: write_data with `sphere`",
@@ -420,9 +464,9 @@ fn dumps_that_cannot_be_read() {
                 "BOUNDS pp ff ff\n-1.0000000000000000e+00 1.0000000000000000e+00",
                 "BOUNDS xy xz yz pp ff ff\n-1 1 0.5",
             ),
-            "line 6: the box is tilted",
+            "the box is tilted, and the domain is not so: with a [cell], write `low = [-1.0, -1.0, -1.0]` and `edges = [[1.5, 0.0, 0.0], [0.5, ",
         ),
-        (dump("BOX BOUNDS pp", "BOX BOUNDS abc origin pp"), "line 5: the box is tilted"),
+        (dump("BOX BOUNDS pp", "BOX BOUNDS abc origin pp"), "line 5: the edges of the box have any"),
         (
             dump("NUMBER OF ATOMS\n2", "NUMBER OF ATOMS\n99999999999999"),
             "2 atoms follow, and the frame has 99999999999999: was the file cut off?",
