@@ -353,7 +353,6 @@ fn check_width(header: &Header, how: Smoothing) -> Result<(), MeasureError> {
         return Err(MeasureError::CoarserThanWeight { side, width });
     }
     let range = weight.range(width);
-    let edges = header.cell.edges();
     if header.cell.is_tilted() {
         return Err(MeasureError::Leaning);
     }

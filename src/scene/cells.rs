@@ -45,11 +45,15 @@ impl Bounds {
         let (Some(cell), Some(domain)) = (cell.filter(Cell::is_tilted), domain) else {
             return Ok(());
         };
-        if domain.strained().is_some() && (domain.edges() - cell.edges()).amax() <= 1e-9 * edges.amax() {
+        if domain.strained().is_some()
+            && (domain.edges() - cell.edges()).amax() <= 1e-9 * edges.amax()
+        {
             return Ok(());
         }
-        let rows: Vec<String> =
-            edges.column_iter().map(|edge| format!("[{:?}, {:?}, {:?}]", edge.x, edge.y, edge.z)).collect();
+        let rows: Vec<String> = edges
+            .column_iter()
+            .map(|edge| format!("[{:?}, {:?}, {:?}]", edge.x, edge.y, edge.z))
+            .collect();
         Err(format!(
             "the box is tilted, and the domain is not so: with a [cell], write `low = [{:?}, {:?}, {:?}]` and `edges = [{}]` in [domain], \
              or write the file after `change_box all ortho`",

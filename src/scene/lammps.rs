@@ -21,7 +21,8 @@ fn wrong<T>(line: usize, what: impl std::fmt::Display) -> Found<T> {
 }
 
 /// Advice about a tilted box.
-const GENERAL: &str = "the edges of the box have any direction: write it without `triclinic/general`";
+const GENERAL: &str =
+    "the edges of the box have any direction: write it without `triclinic/general`";
 
 // --- data files ---
 
@@ -359,10 +360,10 @@ fn bounds_of(line: usize, item: &str, lines: &mut Numbered) -> Found<Bounds> {
     }
     // The ends are those of the upright box around the tilted one.
     let [xy, xz, yz] = tilts;
-    let around = [[xy, xz, xy + xz].as_slice(), &[yz], &[]];
+    let around = [[xy, xz, xy + xz], [yz, 0.0, 0.0], [0.0; 3]];
     for (ends, tilts) in ends.iter_mut().zip(around) {
-        ends[0] -= tilts.iter().copied().fold(0.0, f64::min);
-        ends[1] -= tilts.iter().copied().fold(0.0, f64::max);
+        ends[0] -= tilts.into_iter().fold(0.0, f64::min);
+        ends[1] -= tilts.into_iter().fold(0.0, f64::max);
     }
     let [x, y, z] = ends.map(|[low, high]| high - low);
     let low = Vec3::from(ends.map(|[low, _]| low));

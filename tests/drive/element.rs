@@ -253,7 +253,11 @@ fn a_cell_of_primitive_edges_has_the_moduli_of_its_lattice() {
         ("[cell]", "periodic = [true, true, false]\n[cell]", "must be true for all axes"),
         ("[cell]", "[cell]\nzz = { rate = 1e9 }", "in a step"),
         ("skin = 1e-5", "skin = 1e-3", "a period must be at least"),
-        ("edges = [[", "edges = [[0, 0, 1], [1, 0, 0], [0, 1, 0]] # ", "must be [a, 0, 0], [b, c, 0]"),
+        (
+            "edges = [[",
+            "edges = [[0, 0, 1], [1, 0, 0], [0, 1, 0]] # ",
+            "must be [a, 0, 0], [b, c, 0]",
+        ),
     ] {
         let text = text.replacen(from, to, 1);
         let mistakes = Scene::parse(&text, "scene.toml", folder.path(), &[]).expect_err(to);

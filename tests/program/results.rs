@@ -46,7 +46,7 @@ fn results_are_those_of_the_commit_before() {
         dem_mpi(Launch::Alone, words).succeed();
         if let Some((_, shape)) = DRAWN.iter().find(|(of, _)| *of == scene) {
             let words = [scene, "--shape", shape, "--out", post.to_str().unwrap()];
-            dem_mpi(Launch::Alone, words.into_iter()).succeed();
+            dem_mpi(Launch::Alone, words).succeed();
         }
         let words = [out, "--series", "--out", post.to_str().unwrap()].into_iter();
         dem_post(words.chain(options.split(' '))).succeed();

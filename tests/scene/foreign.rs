@@ -228,9 +228,9 @@ fn boxes_that_lean() {
         .replace("0.1 0.2 0.3 0 0 0", "1.4 1.2 0.3 0 0 0");
     // The same places as fractions of the edges, and in the box around the tilted one.
     let part = |[x, y, z]: [f64; 3]| {
-        let w = (z + 1.0) / 2.0;
-        let v = (y + 1.0 - 0.125 * w) / 2.0;
-        format!("{:e} {v:e} {w:e}", (x + 1.0 - 0.5 * v + 0.25 * w) / 2.0)
+        let w = 0.5 * (z + 1.0);
+        let v = 0.5 * (y + 1.0 - 0.125 * w);
+        format!("{:e} {v:e} {w:e}", 0.5 * (x + 1.0 - 0.5 * v + 0.25 * w))
     };
     let places = [[1.4, 1.2, 0.3], [0.5, 0.2, 0.3]].map(part);
     let dump = frame(100, "xs ys zs", [&places[0], &places[1]]).replace(
@@ -406,7 +406,10 @@ fn data_files_that_cannot_be_read() {
             data("-1 1 zlo zhi", "-1 1 zlo zhi\n0.1 0 0 xy xz yz"),
             "write `low = [-1.0, -1.0, -1.0]` and `edges = [[2.0, 0.0, 0.0], [0.1, 2.0, 0.0], [0.0, 0.0, 2.0]]` in [domain]",
         ),
-        (data("-1 1 zlo zhi", "-1 1 zlo zhi\n0.1 0 xy xz yz"), "line 10: the tilts of a box are three"),
+        (
+            data("-1 1 zlo zhi", "-1 1 zlo zhi\n0.1 0 xy xz yz"),
+            "line 10: the tilts of a box are three",
+        ),
         (data("-1 1 xlo xhi", "1 0 0 avec"), "line 7: the edges of the box have any direction"),
         (
             data("# ellipsoid", "# molecular"),
@@ -466,7 +469,10 @@ fn dumps_that_cannot_be_read() {
             ),
             "the box is tilted, and the domain is not so: with a [cell], write `low = [-1.0, -1.0, -1.0]` and `edges = [[1.5, 0.0, 0.0], [0.5, ",
         ),
-        (dump("BOX BOUNDS pp", "BOX BOUNDS abc origin pp"), "line 5: the edges of the box have any"),
+        (
+            dump("BOX BOUNDS pp", "BOX BOUNDS abc origin pp"),
+            "line 5: the edges of the box have any",
+        ),
         (
             dump("NUMBER OF ATOMS\n2", "NUMBER OF ATOMS\n99999999999999"),
             "2 atoms follow, and the frame has 99999999999999: was the file cut off?",
