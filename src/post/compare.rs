@@ -292,7 +292,7 @@ fn names(folders: &[&Path]) -> Vec<String> {
             let others = folders.iter().filter(|other| *other != folder);
             others.into_iter().all(|other| end(other, *count) != end(folder, *count))
         };
-        let count = (1..).find(is_alone).unwrap_or(1);
+        let count = (1..folder.components().count()).find(is_alone).unwrap_or(usize::MAX);
         end(folder, count).display().to_string()
     };
     folders.iter().map(name).collect()

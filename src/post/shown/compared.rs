@@ -8,7 +8,7 @@ use crate::output::header::WallRow;
 use crate::post::compare::{CompareError, Comparison, Run};
 use crate::post::history::{Curve, History};
 use crate::post::region::ACROSS;
-use crate::post::report::readable;
+use crate::post::report::{Report, readable};
 use plotters::style::{RGBColor, WHITE};
 
 /// Values by time [s], or by strain.
@@ -329,7 +329,7 @@ fn last_values(all: &Comparison) -> Vec<Vec<String>> {
         rows[place].1[k] = cell;
     };
     for (k, run) in all.runs.iter().enumerate() {
-        let groups = run.reports.last().map(|report| report.groups()).unwrap_or_default();
+        let groups = run.reports.last().map(Report::groups).unwrap_or_default();
         for row in groups.into_iter().flat_map(|group| group.rows) {
             put(row.label, k, format!("{} {}", row.value, row.unit).trim_end().to_owned());
         }

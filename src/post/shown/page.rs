@@ -208,7 +208,8 @@ pub(super) fn command(line: &str) -> String {
 
 /// List of texts; empty without any.
 pub(super) fn listed(texts: &[String]) -> String {
-    let items: String = texts.iter().map(|text| format!("<li>{}</li>\n", escaped(text))).collect();
+    let items = texts.iter().map(|text| format!("<li>{}</li>\n", escaped(text)));
+    let items: String = items.collect();
     if items.is_empty() { items } else { format!("<ul>\n{items}</ul>\n") }
 }
 

@@ -281,12 +281,11 @@ impl Quantity {
     }
 }
 
+/// Receives a panel and its curves.
+type Each<'a, E> = dyn FnMut(&Panel, &[Curve]) -> Result<(), E> + 'a;
+
 /// Calls `each` with every panel of a history and its curves.
-fn visit<E>(
-    history: &History,
-    walls: &[WallRow],
-    each: &mut dyn FnMut(&Panel, &[Curve]) -> Result<(), E>,
-) -> Result<(), E> {
+fn visit<E>(history: &History, walls: &[WallRow], each: &mut Each<E>) -> Result<(), E> {
     let mut rest: Vec<&Curve> = history.curves.iter().collect();
     for panel in &PANELS {
         let curves = panel.columns.iter().filter_map(|&(column, name)| {
@@ -451,10 +450,7 @@ fn draw_over(
 }
 
 /// Panel of an unknown column; logarithmic if it is positive over four decades or more.
-fn unknown<E>(
-    curve: &Curve,
-    each: &mut dyn FnMut(&Panel, &[Curve]) -> Result<(), E>,
-) -> Result<(), E> {
+fn unknown<E>(curve: &Curve, each: &mut Each<E>) -> Result<(), E> {
     let (low, high) = (curve.points.iter())
         .fold((f64::INFINITY, 0.0_f64), |(low, high), p| (low.min(p.1), high.max(p.1)));
     let wide = low > 0.0 && high >= 1e4 * low;
