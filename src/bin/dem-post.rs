@@ -9,6 +9,7 @@ use dem_mpi::output::SnapshotError;
 use dem_mpi::output::report::version;
 use dem_mpi::output::snapshot::{LAST, Reader};
 use dem_mpi::output::tables::ContactTable;
+use dem_mpi::post::compare::Comparison;
 use dem_mpi::post::diff::{Difference, State};
 use dem_mpi::post::fabric::Among;
 use dem_mpi::post::history::History;
@@ -22,7 +23,7 @@ use dem_mpi::post::sizes;
 use dem_mpi::post::surface::Detail;
 use dem_mpi::post::views::Views;
 use dem_mpi::post::vtp::{self, Files, PolyData};
-use dem_mpi::post::{PostError, Report, Settings, export, lammps, ondem, pieces};
+use dem_mpi::post::{PostError, Report, Settings, compared, export, lammps, ondem, pieces};
 use dem_mpi::text::print_error;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -48,7 +49,7 @@ struct Arguments {
     #[arg(long)]
     series: bool,
 
-    /// Output folder [default: `post`, for several snapshots `post_series`, beside the last]
+    /// Output folder [default: `post`, for several snapshots `post_series`, for several runs `post_compare`, beside the last]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 
@@ -109,6 +110,11 @@ struct Arguments {
     #[arg(long, conflicts_with_all = ["out", "region", "margin", "series", "fabric_with_walls", "lammps", "ondem", "surfaces", "vtp", "Requested"])]
     diff: bool,
 
+    /// Draw two or more runs together, each given by its directory (all its snapshots) or by files: compare.html with a plot
+    /// for each quantity that several of them have, and compare.csv. A stage that began from another of the runs continues it
+    #[arg(long, conflicts_with_all = ["diff", "lammps", "ondem", "surfaces", "vtp", "Requested"])]
+    compare: bool,
+
     #[command(flatten)]
     about: About,
 }
@@ -122,6 +128,7 @@ Examples:
                                                a part of it
   dem-post --diff one_rank/last.vtkhdf four_ranks/last.vtkhdf
                                                same bits on 1 and on 4 ranks?
+  dem-post out/loose out/dense --compare       their curves in one page
   dem-post out/packing --lammps                also a file for OVITO
   dem-post out/packing --ondem                 also a file for other codes
   dem-post out/shear --series --surfaces       also true shapes, to be played by ParaView
@@ -160,22 +167,18 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     let mut files = particle_files(arguments)?;
     if arguments.diff {
-        return compare(&files);
+        return diff(&files);
     }
     let mut known = BTreeSet::new();
     files.retain(|file| known.insert(file.clone()));
+    if arguments.compare {
+        return compare(&files, arguments);
+    }
     let snapshots = series::open(&files)?;
     let newest = &snapshots.last().context("no snapshot given")?.path;
-    let beside = newest.parent().unwrap_or(Path::new("."));
     // Several snapshots have plots that a single one lacks, and must not be replaced by it.
     let folder = if snapshots.len() > 1 { "post_series" } else { "post" };
-    let out = arguments.out.clone().unwrap_or_else(|| beside.join(folder));
-    ensure!(
-        !is_of_run(&out),
-        "--out {} is the folder of a run, whose report.json would be replaced. Give another folder, or omit --out",
-        out.display()
-    );
-    fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
+    let out = folder_for(newest, folder, arguments)?;
 
     if arguments.lammps {
         write_dumps(&out, &snapshots, newest)?;
@@ -189,6 +192,40 @@ fn run(arguments: &Arguments) -> Result<ExitCode> {
     }
     write_pictures(&out, &snapshots, arguments)?;
     write_results(&out, &snapshots, newest, arguments)
+}
+
+/// Creates the requested folder of results, or one of this name beside a snapshot.
+fn folder_for(snapshot: &Path, name: &str, arguments: &Arguments) -> Result<PathBuf> {
+    let beside = snapshot.parent().unwrap_or(Path::new("."));
+    let out = arguments.out.clone().unwrap_or_else(|| beside.join(name));
+    ensure!(
+        !is_of_run(&out),
+        "--out {} is the folder of a run, whose report.json would be replaced. Give another folder, or omit --out",
+        out.display()
+    );
+    fs::create_dir_all(&out).with_context(|| format!("cannot create {}", out.display()))?;
+    Ok(out)
+}
+
+/// Writes the page, the plots and the table of several runs.
+fn compare(files: &[PathBuf], arguments: &Arguments) -> Result<ExitCode> {
+    let all = Comparison::of(files, &choice(arguments))?;
+    let sections = compared::sections(&all)?;
+    let (table, line) = (all.csv()?, arguments::command_line());
+    let out = folder_for(files.last().context("no snapshot given")?, "post_compare", arguments)?;
+    let write = |name: &str, text: &str| {
+        write_file(&out.join(name), |file| file.write_all(text.as_bytes()))
+    };
+    for plot in sections.iter().flat_map(|section| &section.plots) {
+        write(&format!("{}.svg", plot.name), &plot.svg)?;
+    }
+    write("compare.csv", &table)?;
+    write("compare.html", &compared::html(&all, &sections, &line))?;
+    for note in &all.notes {
+        print_error(format_args!("dem-post: {note}"));
+    }
+    say(&format!("page: {}\n", out.join("compare.html").display()))?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Analyses all snapshots, makes the requested measures, writes reports and page, and prints the numbers.
@@ -301,7 +338,8 @@ fn is_of_run(folder: &Path) -> bool {
 /// Particle files of the arguments. Contact files, which a pattern such as `*.vtkhdf` also matches, are skipped: they are
 /// read with their particles.
 fn particle_files(arguments: &Arguments) -> Result<Vec<PathBuf>> {
-    let Arguments { snapshots, series: whole_series, diff: is_diff, .. } = arguments;
+    let Arguments { snapshots, diff: is_diff, .. } = arguments;
+    let whole_series = arguments.series || arguments.compare;
     let (mut files, mut named_before) = (Vec::new(), BTreeSet::new());
     for argument in snapshots {
         let name = argument.file_name().unwrap_or_default().to_string_lossy();
@@ -309,7 +347,7 @@ fn particle_files(arguments: &Arguments) -> Result<Vec<PathBuf>> {
             continue;
         }
         let named = match argument.is_dir() {
-            true if *whole_series => series::all(argument)?,
+            true if whole_series => series::all(argument)?,
             true => vec![series::newest(argument)?],
             false => vec![argument.clone()],
         };
@@ -331,7 +369,7 @@ fn particle_files(arguments: &Arguments) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-fn compare(files: &[PathBuf]) -> Result<ExitCode> {
+fn diff(files: &[PathBuf]) -> Result<ExitCode> {
     let [first, second] = files else {
         bail!("--diff takes two snapshots, not {}", files.len());
     };

@@ -414,7 +414,7 @@ fn facts(header: &Header) -> Vec<(String, String)> {
 }
 
 /// Beginning of a long text.
-fn shortened(text: &str) -> String {
+pub(super) fn shortened(text: &str) -> String {
     const MOST: usize = 160;
     match text.char_indices().nth(MOST) {
         Some((end, _)) => format!("{} ... ({} characters)", &text[..end], text.chars().count()),

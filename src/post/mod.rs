@@ -21,6 +21,7 @@
 //! | [`measures`] [`errors`] | measures on request, and the errors that prevent them: |
 //! | [`fields`] [`mixing`] [`slope`] [`flow`] | density, velocity and stress on a [`grid`]; Lacey's index; angle of a heap; flow rates |
 //! | [`diff`] | comparison of two snapshots, bit for bit |
+//! | [`compare`] | several runs side by side |
 //! | [`lammps`] | particles for OVITO |
 //! | [`ondem`] | the exchange file of the ON-DEM action |
 //! | [`surface`] [`export`] [`vtp`] | surfaces of bodies; a snapshot as VTP; its file |
@@ -35,8 +36,10 @@
 //! | [`form`] | a single shape |
 //! | [`sizes`] | sizes of the particles beside the requested distribution |
 //! | [`page`] | the page with all numbers and plots |
+//! | [`compared`] | the page of several runs |
 
 mod check;
+pub mod compare;
 pub mod coordination;
 pub mod diff;
 pub mod errors;
@@ -65,7 +68,7 @@ pub mod surface;
 pub mod vtp;
 
 pub use report::{Report, Summary};
-pub use shown::{draw, form, page, panels, picture, plots, rose, sizes, views};
+pub use shown::{compared, draw, form, page, panels, picture, plots, rose, sizes, views};
 
 use crate::drive::DriveError;
 use crate::ids::GlobalId;
@@ -152,7 +155,7 @@ pub enum PostError {
     /// Two snapshots are of one step, so that their rows and dumps could not be distinguished.
     #[error(
         "{first} and {second} are both of step {step}: leave one out, give one run at a time, or compare them with \
-         --diff",
+         --compare or --diff",
         first = first.display(),
         second = second.display()
     )]
@@ -166,7 +169,7 @@ pub enum PostError {
     },
     /// Two snapshots cannot come from one run.
     #[error(
-        "{first} and {second} are of different runs: {because}. Give one run at a time, or compare them with --diff",
+        "{first} and {second} are of different runs: {because}. Give one run at a time, or compare them with --compare or --diff",
         first = first.display(),
         second = second.display()
     )]

@@ -1,6 +1,7 @@
 //! The programs from the command line: with and without mpirun, stopped, killed, with wrong input.
 
 mod analysed;
+mod compared;
 mod folders;
 mod full_disk;
 mod killed;

@@ -1,5 +1,6 @@
 //! Pictures, curves and the page of a snapshot. Numbers come from the files of [`crate::post`].
 
+pub mod compared;
 pub mod draw;
 pub mod form;
 pub mod page;

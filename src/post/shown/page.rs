@@ -112,36 +112,24 @@ impl<'a> Page<'a> {
 
     /// The page: results of the requested measures, then plots, then tables. Sections without content are left out.
     pub fn html(&self) -> String {
-        let parts: Vec<(&str, String)> = [("Results", self.results()), ("Warnings", self.listed())]
-            .into_iter()
-            .chain(self.sections.iter().map(|section| (section.title, figures(&section.plots))))
-            .chain([("Numbers", self.numbers()), ("All snapshots", series(self.reports))])
-            .filter(|(_, content)| !content.is_empty())
-            .collect();
-        let mut out = String::new();
-        let title = escaped(self.title);
-        let _ = write!(
-            out,
-            "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n",
-        );
-        self.head(&mut out);
-        self.contents(&parts, &mut out);
-        for (title, content) in &parts {
-            let id = anchor(title);
-            let _ = write!(out, "<section id=\"{id}\">\n<h2>{title}</h2>\n{content}</section>\n");
-        }
-        if let Some(report) = self.reports.last() {
-            let (version, file) = (escaped(&report.program_version), escaped(&report.snapshot));
-            let _ = writeln!(out, "<footer>dem-post {version} · {file}</footer>");
-        }
-        out.push_str("</main>\n</body>\n</html>\n");
-        out
+        let parts: Vec<(&str, String)> =
+            [("Results", self.results()), ("Warnings", listed(self.warnings))]
+                .into_iter()
+                .chain(self.sections.iter().map(|section| (section.title, figures(&section.plots))))
+                .chain([("Numbers", self.numbers()), ("All snapshots", series(self.reports))])
+                .filter(|(_, content)| !content.is_empty())
+                .collect();
+        let plots: Vec<&Plot> = self.plots().collect();
+        let footer = self.reports.last().map(|report| {
+            let (version, file) = (&report.program_version, &report.snapshot);
+            format!("dem-post {version} · {file}")
+        });
+        document(self.title, &self.head(), &parts, &plots, footer.as_deref())
     }
 
-    fn head(&self, out: &mut String) {
-        let _ = write!(out, "<header>\n<h1>{}</h1>\n", escaped(self.title));
+    /// Lines below the title.
+    fn head(&self) -> String {
+        let mut out = String::new();
         if let Some(report) = self.reports.last() {
             let place = match report.region_m {
                 None => "the whole packing".to_string(),
@@ -152,21 +140,7 @@ impl<'a> Page<'a> {
             let (step, time) = (report.summary.step, readable(report.summary.time_s));
             let _ = writeln!(out, "<p>Step {step} at t = {time} s, {place}{walls}.</p>");
         }
-        let _ = write!(out, "<p><code>{}</code></p>\n</header>\n", escaped(self.command));
-    }
-
-    /// Links to all sections, and folded up to all plots.
-    fn contents(&self, parts: &[(&str, String)], out: &mut String) {
-        out.push_str("<nav>\n");
-        for (title, _) in parts {
-            let _ = writeln!(out, "<a href=\"#{}\">{title}</a>", anchor(title));
-        }
-        let count = self.plots().count();
-        let _ = writeln!(out, "<details><summary>{count} plots</summary>");
-        for Plot { name, title, .. } in self.plots() {
-            let _ = writeln!(out, "<a href=\"#{name}\">{}</a>", escaped(title));
-        }
-        out.push_str("</details>\n</nav>\n");
+        out + &command(self.command)
     }
 
     /// Numbers, notes and plots of the requested measures.
@@ -179,13 +153,6 @@ impl<'a> Page<'a> {
             }
         }
         out + &figures(self.requested)
-    }
-
-    /// List of the warnings; empty without warnings.
-    fn listed(&self) -> String {
-        let items = self.warnings.iter().map(|text| format!("<li>{}</li>\n", escaped(text)));
-        let items: String = items.collect();
-        if items.is_empty() { items } else { format!("<ul>\n{items}</ul>\n") }
     }
 
     /// Tables of the last snapshot, below doubts about them.
@@ -201,6 +168,70 @@ impl<'a> Page<'a> {
     }
 }
 
+/// A page of sections, with links to them and, folded up, to the plots. `head` stands below the title.
+pub(super) fn document(
+    title: &str,
+    head: &str,
+    parts: &[(&str, String)],
+    plots: &[&Plot],
+    footer: Option<&str>,
+) -> String {
+    let title = escaped(title);
+    let mut out = format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n\
+         <header>\n<h1>{title}</h1>\n{head}</header>\n<nav>\n",
+    );
+    for (title, _) in parts {
+        let _ = writeln!(out, "<a href=\"#{}\">{title}</a>", anchor(title));
+    }
+    let _ = writeln!(out, "<details><summary>{} plots</summary>", plots.len());
+    for Plot { name, title, .. } in plots {
+        let _ = writeln!(out, "<a href=\"#{name}\">{}</a>", escaped(title));
+    }
+    out.push_str("</details>\n</nav>\n");
+    for (title, content) in parts {
+        let id = anchor(title);
+        let _ = write!(out, "<section id=\"{id}\">\n<h2>{title}</h2>\n{content}</section>\n");
+    }
+    if let Some(footer) = footer {
+        let _ = writeln!(out, "<footer>{}</footer>", escaped(footer));
+    }
+    out + "</main>\n</body>\n</html>\n"
+}
+
+/// The command that makes a page.
+pub(super) fn command(line: &str) -> String {
+    format!("<p><code>{}</code></p>\n", escaped(line))
+}
+
+/// List of texts; empty without any.
+pub(super) fn listed(texts: &[String]) -> String {
+    let items = texts.iter().map(|text| format!("<li>{}</li>\n", escaped(text)));
+    let items: String = items.collect();
+    if items.is_empty() { items } else { format!("<ul>\n{items}</ul>\n") }
+}
+
+/// Table with a row of names; the first cell of each row is its name. Empty without rows.
+pub(super) fn table(names: &[String], rows: &[Vec<String>]) -> String {
+    let mut out = String::new();
+    if rows.is_empty() {
+        return out;
+    }
+    let head = names.iter().map(|name| format!("<th>{}</th>", escaped(name)));
+    let head: String = head.collect();
+    let _ = write!(out, "<div class=\"series\">\n<table>\n<tr>{head}</tr>\n");
+    for row in rows {
+        let cells = row.iter().enumerate().map(|(k, cell)| {
+            let (begin, end) = if k == 0 { ("th scope=\"row\"", "th") } else { ("td", "td") };
+            format!("<{begin}>{}</{end}>", escaped(cell))
+        });
+        let _ = writeln!(out, "<tr>{}</tr>", cells.collect::<String>());
+    }
+    out + "</table>\n</div>\n"
+}
+
 /// Text with the sides of a box [m].
 pub fn sides(bounds: &Bounds) -> String {
     let side = |k: usize| format!("{}…{}", readable(bounds.low[k]), readable(bounds.high[k]));
@@ -213,7 +244,7 @@ fn anchor(title: &str) -> String {
 }
 
 /// Plots beside each other; empty without plots.
-fn figures(plots: &[Plot]) -> String {
+pub(super) fn figures(plots: &[Plot]) -> String {
     let mut out = String::new();
     if plots.is_empty() {
         return out;

@@ -11,6 +11,7 @@ use crate::output::header::WallRow;
 use crate::post::history::{Curve, History};
 use plotters::style::RGBColor;
 use std::collections::BTreeSet;
+use std::convert::Infallible;
 
 /// Colours of curves in a panel, in order.
 const PALETTE: [RGBColor; 6] = [BLUE, ORANGE, VERMILION, GREEN, PURPLE, INK];
@@ -37,6 +38,7 @@ enum Scale {
 use Scale::{Linear, Logarithmic};
 
 /// A panel and the columns in it, each with its name in the legend.
+#[derive(Clone, Copy)]
 struct Panel<'a> {
     name: &'a str,
     title: &'a str,
@@ -137,15 +139,36 @@ const PANELS: [Panel; 9] = [
     },
 ];
 
-/// Displacements of walls across an axis.
-const WAYS: Panel = Panel {
-    name: "wall_ways",
-    title: "Displacements of walls",
-    caption: "Inward displacement of each wall since the first row, negative outwards.",
-    y_label: "way (m)",
-    scale: Linear,
-    columns: &[],
-};
+/// Name of the panel of stresses on walls, which also has their targets.
+const STRESSES: &str = "wall_stresses";
+
+/// Panels with a curve for each wall: loads, stresses, and displacements across an axis.
+const OF_WALLS: [Panel; 3] = [
+    Panel {
+        name: "wall_loads",
+        title: "Loads on walls",
+        caption: "Force of the particles on each wall along its normal, pressure positive.",
+        y_label: "load (N)",
+        scale: Linear,
+        columns: &[],
+    },
+    Panel {
+        name: STRESSES,
+        title: "Stresses on walls",
+        caption: "Stress of the particles on each wall, compression positive.",
+        y_label: "stress (Pa)",
+        scale: Linear,
+        columns: &[],
+    },
+    Panel {
+        name: "wall_ways",
+        title: "Displacements of walls",
+        caption: "Inward displacement of each wall since the first row, negative outwards.",
+        y_label: "way (m)",
+        scale: Linear,
+        columns: &[],
+    },
+];
 
 /// Prefixes of the columns of a sheared cell, with their panels.
 const OF_THE_CELL: [(&str, Panel); 2] = [
@@ -188,41 +211,103 @@ pub fn panels(
     walls: &[WallRow],
     targets: &[Target],
 ) -> Result<Vec<Plot>, PlotError> {
-    let mut rest: Vec<&Curve> = history.curves.iter().collect();
     let mut plots = Vec::new();
+    visit::<PlotError>(history, walls, &mut |panel, curves| {
+        plots.extend(match panel.name {
+            STRESSES => wall_stresses(panel, curves, targets)?,
+            _ => draw(panel, curves, &[])?,
+        });
+        Ok(())
+    })?;
+    tell_apart(&mut plots);
+    Ok(plots)
+}
+
+/// A curve of a panel with the words of its own chart.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Quantity {
+    /// Name of a file.
+    pub(super) name: String,
+    pub(super) title: String,
+    pub(super) y_label: String,
+    pub(super) is_logarithmic: bool,
+    pub(super) points: Vec<(f64, f64)>,
+}
+
+/// The curves of all panels of a history.
+pub(super) fn quantities(history: &History, walls: &[WallRow]) -> Vec<Quantity> {
+    let mut all = Vec::new();
+    let Ok(()) = visit::<Infallible>(history, walls, &mut |panel, curves| {
+        all.extend(curves.iter().map(|Curve { name, points }| {
+            let of = |between: &str, own: &str| {
+                if name.is_empty() { String::new() } else { format!("{between}{own}") }
+            };
+            Quantity {
+                name: format!("{}{}", panel.name, of("_", &file_name(name))),
+                title: format!("{}{}", panel.title, of(": ", name)),
+                y_label: panel.y_label.to_owned(),
+                is_logarithmic: panel.scale == Logarithmic,
+                points: points.clone(),
+            }
+        }));
+        Ok(())
+    });
+    all
+}
+
+impl Quantity {
+    /// Whether both are one quantity in one unit.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        let words = |of: &Self| (of.name.clone(), of.title.clone(), of.y_label.clone());
+        words(self) == words(other)
+    }
+
+    /// Its chart with a curve of each run, in the colours; `None` if no curve changes.
+    pub(super) fn drawn(
+        &self,
+        curves: &[Curve],
+        colours: &[RGBColor],
+        x_label: &str,
+    ) -> Result<Option<Plot>, PlotError> {
+        let panel = Panel {
+            name: &self.name,
+            title: &self.title,
+            caption: &format!("{} of each run, from history.csv.", self.title),
+            y_label: &self.y_label,
+            scale: if self.is_logarithmic { Logarithmic } else { Linear },
+            columns: &[],
+        };
+        draw_over(x_label, &panel, curves, colours, &[])
+    }
+}
+
+/// Receives a panel and its curves.
+type Each<'a, E> = dyn FnMut(&Panel, &[Curve]) -> Result<(), E> + 'a;
+
+/// Calls `each` with every panel of a history and its curves.
+fn visit<E>(history: &History, walls: &[WallRow], each: &mut Each<E>) -> Result<(), E> {
+    let mut rest: Vec<&Curve> = history.curves.iter().collect();
     for panel in &PANELS {
         let curves = panel.columns.iter().filter_map(|&(column, name)| {
             let curve = take(&mut rest, column)?;
             Some(Curve { name: name.into(), points: curve.points.clone() })
         });
-        plots.extend(draw(panel, &curves.collect::<Vec<_>>(), &[])?);
+        each(panel, &curves.collect::<Vec<_>>())?;
     }
     rest.retain(|curve| !LEFT_OUT.contains(&curve.name.as_str()));
 
     let loads: Vec<Curve> = walls.iter().filter_map(|wall| wall_load(wall, &mut rest)).collect();
-    // Walls in excess of the colours continue in a further panel.
-    for loads in loads.chunks(PALETTE.len()) {
-        let panel = Panel {
-            name: "wall_loads",
-            title: "Loads on walls",
-            caption: "Force of the particles on each wall along its normal, pressure positive.",
-            y_label: "load (N)",
-            scale: Linear,
-            columns: &[],
-        };
-        plots.extend(draw(&panel, loads, &[])?);
-    }
     let stress = |wall: &WallRow| {
         let curve = take(&mut rest, &format!("stress_{}_Pa", wall.name))?;
         Some(Curve { name: wall.name.clone(), points: curve.points.clone() })
     };
     let stresses: Vec<Curve> = walls.iter().filter_map(stress).collect();
-    for stresses in stresses.chunks(PALETTE.len()) {
-        plots.extend(wall_stresses(stresses, targets)?);
-    }
     let ways: Vec<Curve> = walls.iter().filter_map(|wall| wall_way(wall, &mut rest)).collect();
-    for ways in ways.chunks(PALETTE.len()) {
-        plots.extend(draw(&WAYS, ways, &[])?);
+    for (panel, curves) in OF_WALLS.iter().zip([loads, stresses, ways]) {
+        // Walls in excess of the colours continue in a further panel.
+        for curves in curves.chunks(PALETTE.len()) {
+            each(panel, curves)?;
+        }
     }
     for (kind, panel) in &OF_THE_CELL {
         let components = ["xx", "yy", "zz", "xy", "xz", "yz"];
@@ -231,13 +316,9 @@ pub fn panels(
             Some(Curve { name: component.into(), points: curve.points.clone() })
         };
         let curves: Vec<Curve> = components.into_iter().filter_map(stress).collect();
-        plots.extend(draw(panel, &curves, &[])?);
+        each(panel, &curves)?;
     }
-    for curve in rest {
-        plots.extend(unknown(curve)?);
-    }
-    tell_apart(&mut plots);
-    Ok(plots)
+    rest.into_iter().try_for_each(|curve| unknown(curve, each))
 }
 
 /// Removes the curve of this name from the remaining ones.
@@ -280,7 +361,11 @@ fn wall_way(wall: &WallRow, rest: &mut Vec<&Curve>) -> Option<Curve> {
 }
 
 /// Stresses on walls, with the targets of walls that have one.
-fn wall_stresses(stresses: &[Curve], targets: &[Target]) -> Result<Option<Plot>, PlotError> {
+fn wall_stresses(
+    panel: &Panel,
+    stresses: &[Curve],
+    targets: &[Target],
+) -> Result<Option<Plot>, PlotError> {
     let is_here = |target: &&Target| stresses.iter().any(|curve| curve.name == target.wall);
     let mut targets: Vec<f64> =
         targets.iter().filter(is_here).map(|target| target.stress).collect();
@@ -291,20 +376,23 @@ fn wall_stresses(stresses: &[Curve], targets: &[Target]) -> Result<Option<Plot>,
     } else {
         " For walls with a servo, each point is the mean since the previous one; grey lines are their targets."
     };
-    let caption = format!("Stress of the particles on each wall, compression positive.{means}");
-    let panel = Panel {
-        name: "wall_stresses",
-        title: "Stresses on walls",
-        caption: &caption,
-        y_label: "stress (Pa)",
-        scale: Linear,
-        columns: &[],
-    };
-    draw(&panel, stresses, &targets)
+    let caption = format!("{}{means}", panel.caption);
+    draw(&Panel { caption: &caption, ..*panel }, stresses, &targets)
 }
 
 /// A panel with these curves, and level lines at `targets`; `None` if no curve changes or nothing can be drawn.
 fn draw(panel: &Panel, curves: &[Curve], targets: &[f64]) -> Result<Option<Plot>, PlotError> {
+    draw_over("time (s)", panel, curves, &PALETTE, targets)
+}
+
+/// Draws the curves in their colours over the values of this label.
+fn draw_over(
+    x_label: &str,
+    panel: &Panel,
+    curves: &[Curve],
+    colours: &[RGBColor],
+    targets: &[f64],
+) -> Result<Option<Plot>, PlotError> {
     if !curves.iter().any(Curve::changes) {
         return Ok(None);
     }
@@ -319,8 +407,8 @@ fn draw(panel: &Panel, curves: &[Curve], targets: &[f64]) -> Result<Option<Plot>
     };
     let mut series: Vec<Series> = curves
         .iter()
-        .zip(PALETTE)
-        .map(|(curve, colour)| {
+        .zip(colours)
+        .map(|(curve, &colour)| {
             let points = curve.points.iter().filter_map(drawn).collect();
             let visible = Curve { name: curve.name.clone(), points };
             let points = visible.thinned(POINTS);
@@ -345,7 +433,7 @@ fn draw(panel: &Panel, curves: &[Curve], targets: &[f64]) -> Result<Option<Plot>
     series.splice(0..0, levels);
     let values = || series.iter().flat_map(|s| &s.points).map(|p| p.1);
     let axes = Axes {
-        x_label: "time (s)".into(),
+        x_label: x_label.into(),
         y_label: panel.y_label.into(),
         x: span([first, last].into_iter()),
         y: if log_y { decades(values()) } else { span(values()) },
@@ -361,8 +449,8 @@ fn draw(panel: &Panel, curves: &[Curve], targets: &[f64]) -> Result<Option<Plot>
     }))
 }
 
-/// Plot of an unknown column; logarithmic if it is positive over four decades or more.
-fn unknown(curve: &Curve) -> Result<Option<Plot>, PlotError> {
+/// Panel of an unknown column; logarithmic if it is positive over four decades or more.
+fn unknown<E>(curve: &Curve, each: &mut Each<E>) -> Result<(), E> {
     let (low, high) = (curve.points.iter())
         .fold((f64::INFINITY, 0.0_f64), |(low, high), p| (low.min(p.1), high.max(p.1)));
     let wide = low > 0.0 && high >= 1e4 * low;
@@ -376,7 +464,7 @@ fn unknown(curve: &Curve) -> Result<Option<Plot>, PlotError> {
         scale: if wide { Logarithmic } else { Linear },
         columns: &[],
     };
-    draw(&panel, &[Curve { name: String::new(), points: curve.points.clone() }], &[])
+    each(&panel, &[Curve { name: String::new(), points: curve.points.clone() }])
 }
 
 /// Words for a column of a wall along or about an axis: its beginning, and the words before the wall and the axis.
@@ -469,7 +557,7 @@ fn file_name(column: &str) -> String {
 }
 
 /// Numbers plots of one name: the second is `name_2`.
-fn tell_apart(plots: &mut [Plot]) {
+pub(super) fn tell_apart(plots: &mut [Plot]) {
     let mut taken = BTreeSet::new();
     for plot in plots {
         let name = plot.name.clone();

@@ -203,9 +203,10 @@ pub fn friction(used: &Histogram) -> Result<Plot, PlotError> {
 pub(super) type Pick = fn(&Summary) -> Option<f64>;
 
 /// A plot over a series: name, title, label, and the curves with their names.
-type SeriesPlot<'a> = (&'a str, &'a str, &'a str, &'a [(&'a str, Pick)]);
+pub(super) type SeriesPlot =
+    (&'static str, &'static str, &'static str, &'static [(&'static str, Pick)]);
 
-const OVER_A_SERIES: [SeriesPlot; 6] = [
+pub(super) const OVER_A_SERIES: [SeriesPlot; 6] = [
     ("stress_ratio", "Stress ratio", "q / p", &[("", |s| s.q_over_p)]),
     (
         "volumetric_strain",
@@ -229,52 +230,87 @@ const OVER_A_SERIES: [SeriesPlot; 6] = [
     ),
 ];
 
+/// Horizontal axis of plots over a series.
+pub(super) struct Along {
+    pub(super) label: &'static str,
+    pub(super) words: &'static str,
+    /// Value that must differ from zero in a snapshot.
+    value: Pick,
+    /// Value on the axis.
+    pub(super) x: Pick,
+}
+
+/// Horizontal axes, best first; every series has the last.
+pub(super) const ALONG: [Along; 3] = [
+    Along {
+        label: "shear strain",
+        words: "shear strain",
+        value: |s| s.shear_strain,
+        // The first snapshot has no shear strain.
+        x: |s| Some(s.shear_strain.unwrap_or_default()),
+    },
+    Along {
+        label: "axial strain (%)",
+        words: "axial strain",
+        value: |s| s.axial_strain,
+        x: |s| s.axial_strain.map(|strain| 100.0 * strain),
+    },
+    Along { label: "time (s)", words: "time", value: |_| Some(1.0), x: |s| Some(s.time_s) },
+];
+
+impl Along {
+    /// Whether a series can be drawn along this axis.
+    pub(super) fn fits(&self, reports: &[Report]) -> bool {
+        reports.iter().any(|r| (self.value)(&r.summary).is_some_and(|value| value.abs() > 1e-9))
+    }
+}
+
 /// Stress, strain, density, coordination and anisotropy over a series of snapshots (fig. 10 of Lai et al. 2021). They are drawn
 /// against the shear strain if the packing is sheared, otherwise against axial strain if it is strained, otherwise against time.
 ///
 /// # Errors
 /// See [`PlotError`].
 pub fn series(reports: &[Report]) -> Result<Vec<Plot>, PlotError> {
-    let is = |pick: fn(&Summary) -> Option<f64>| {
-        reports.iter().any(|r| pick(&r.summary).is_some_and(|strain| strain.abs() > 1e-9))
-    };
-    let (x_label, against, pick_x): (_, _, fn(&Summary) -> Option<f64>) = if is(|s| s.shear_strain)
-    {
-        // The first snapshot has no shear strain.
-        ("shear strain", "shear strain", |s| Some(s.shear_strain.unwrap_or_default()))
-    } else if is(|s| s.axial_strain) {
-        ("axial strain (%)", "axial strain", |s| s.axial_strain.map(|strain| 100.0 * strain))
-    } else {
-        ("time (s)", "time", |s| Some(s.time_s))
-    };
+    let Some(along) = ALONG.iter().find(|along| along.fits(reports)) else { return Ok(Vec::new()) };
     let mut plots = Vec::new();
     for (name, title, y_label, picks) in OVER_A_SERIES {
-        let mut curves = Vec::new();
-        for (&(curve, pick), colour) in picks.iter().zip([BLUE, ORANGE, VERMILION]) {
-            let points: Vec<(f64, f64)> =
-                reports.iter().filter_map(|r| pick_x(&r.summary).zip(pick(&r.summary))).collect();
-            let line = Series { name: curve.into(), colour, mark: Mark::Line, points };
-            let dots = Series {
-                name: String::new(),
-                mark: Mark::Dots,
-                points: line.points.clone(),
-                ..line
-            };
-            curves.extend([line, dots]);
-        }
-        let points = || curves.iter().flat_map(|s| &s.points);
-        if points().count() == 0 {
-            continue;
-        }
-        let (x, y) = (span(points().map(|p| p.0)), span(points().map(|p| p.1)));
-        let axes = linear(x_label, y_label, x, y);
-        plots.push(Plot {
+        let of_one = |(&(curve, pick), colour): (&(&str, Pick), RGBColor)| {
+            let points = reports.iter().filter_map(|r| (along.x)(&r.summary).zip(pick(&r.summary)));
+            (curve.to_owned(), colour, points.collect())
+        };
+        let curves = picks.iter().zip([BLUE, ORANGE, VERMILION]).map(of_one).collect();
+        let svg = of_snapshots(along.label, y_label, curves)?;
+        plots.extend(svg.map(|svg| Plot {
             name: name.into(),
             title: title.into(),
-            caption: format!("{title} of each snapshot against {against}."),
+            caption: format!("{title} of each snapshot against {}.", along.words),
             width: Width::Half,
-            svg: chart(SIZE, &axes, &curves)?,
-        });
+            svg,
+        }));
     }
     Ok(plots)
+}
+
+/// A curve with its name and colour.
+pub(super) type Coloured = (String, RGBColor, Vec<(f64, f64)>);
+
+/// Chart of curves through dots; `None` without points.
+pub(super) fn of_snapshots(
+    x_label: &str,
+    y_label: &str,
+    curves: Vec<Coloured>,
+) -> Result<Option<String>, PlotError> {
+    let mut series = Vec::new();
+    for (name, colour, points) in curves {
+        let line = Series { name, colour, mark: Mark::Line, points };
+        let dots =
+            Series { name: String::new(), mark: Mark::Dots, points: line.points.clone(), ..line };
+        series.extend([line, dots]);
+    }
+    let points = || series.iter().flat_map(|s| &s.points);
+    if points().count() == 0 {
+        return Ok(None);
+    }
+    let (x, y) = (span(points().map(|p| p.0)), span(points().map(|p| p.1)));
+    chart(SIZE, &linear(x_label, y_label, x, y), &series).map(Some)
 }
