@@ -226,7 +226,7 @@ fn boxes_that_lean() {
     let data = ELLIPSOIDS
         .replace("-1 1 zlo zhi", "-1 1 zlo zhi\n0.5 -0.25 0.125 xy xz yz")
         .replace("0.1 0.2 0.3 0 0 0", "1.4 1.2 0.3 0 0 0");
-    // The same places as fractions of the edges, and in the box around the tilted one.
+    // Places as fractions of the edges; ends of the box around the tilted one.
     let part = |[x, y, z]: [f64; 3]| {
         let w = 0.5 * (z + 1.0);
         let v = 0.5 * (y + 1.0 - 0.125 * w);

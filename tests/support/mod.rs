@@ -28,6 +28,7 @@ use dem_mpi::sim::run::Schedule;
 use dem_mpi::sim::{Simulation, StepError};
 use random::Draw;
 use serde_json::Value;
+use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
@@ -287,12 +288,13 @@ impl State {
     pub(crate) fn is_kept(&self, scene: &Scene, steps: u64) {
         let Self { bits, records, scalars, drives } = self;
         let test = Path::new(std::panic::Location::caller().file());
-        // Folders differ from machine to machine; names of files do not.
-        let without_folders = |part: &str| match part.rsplit_once('/') {
-            Some((_, file)) if part.starts_with('/') => file.to_owned(),
-            _ => part.to_owned(),
+        // Folders differ from machine to machine, those of a test alone from run to run; names of files do not.
+        let without_folders = |part| match Path::new(part).file_name().and_then(OsStr::to_str) {
+            Some(file) if Path::new(part).is_absolute() && file.starts_with(".tmp") => "",
+            Some(file) if Path::new(part).is_absolute() => file,
+            _ => part,
         };
-        let text: Vec<String> = scene.text.split('"').map(without_folders).collect();
+        let text: Vec<&str> = scene.text.split('"').map(without_folders).collect();
         let text = text.join("\"");
         let name = format!("{} {:016x} {steps}", test.display(), kept::hash(text.as_bytes()));
         let all = format!("{bits:?}{records:?}{scalars:?}{drives:?}");

@@ -1,4 +1,5 @@
-//! Simple shear of spheres without walls: pressure of a granular gas, and yield of a dense packing.
+//! Simple shear of spheres without walls: pressure of a granular gas, and yield of a dense packing at a constant volume and at a constant
+//! pressure.
 
 use super::setup::{begun, parse};
 use super::{Case, Effort, Findings};
@@ -21,6 +22,7 @@ pub(crate) fn run(effort: Effort) -> Findings {
     let mut cases = vec![gas(effort)];
     if effort == Effort::Full {
         cases.push(yielding());
+        cases.extend(under_pressure());
     }
     Findings { cases, ..Findings::default() }
 }
@@ -29,8 +31,9 @@ pub(crate) fn run(effort: Effort) -> Findings {
 struct Flow {
     /// Positions of the spheres over the edge of the cell.
     places: Vec<[f64; 3]>,
-    /// Volume of the spheres over that of the cell.
+    /// Volume of the spheres over that of the cell at the beginning.
     fraction: f64,
+    by: By,
     /// Shear rate: velocity over height [1/s].
     rate: f64,
     /// Largest component of the initial velocities relative to the flow, over rate times diameter.
@@ -43,25 +46,58 @@ struct Flow {
     strains: [f64; 2],
 }
 
+/// Cause of a flow.
+#[derive(Clone, Copy)]
+enum By {
+    /// Images that slide.
+    Images,
+    /// A cell whose edges lean, with its volume.
+    Cell,
+    /// A cell with a pressure in place of a volume [Pa].
+    Pressure(f64),
+}
+
+impl By {
+    /// Text of the scene after the corners of its domain, for a shear rate [1/s].
+    fn text(self, rate: f64) -> String {
+        match self {
+            Self::Images => {
+                format!("shear = {{ along = \"x\", across = \"y\", rate = {rate:e} }}\n")
+            }
+            Self::Cell => format!("[cell]\nxy = {{ rate = {:e} }}\n", -rate),
+            Self::Pressure(pressure) => {
+                let max = 2.0 * rate;
+                format!(
+                    "[cell]\nisotropic = {{ stress = {pressure:e} }}\nxy = {{ rate = {:e} }}\nmax_rate = {max:e}\n",
+                    -rate
+                )
+            }
+        }
+    }
+}
+
 /// Means of a steady flow, compression positive [Pa].
 struct Steady {
     /// Pressure of the motion, and total pressure: means of the normal stresses.
     pressure: [f64; 2],
     /// Total shear stress.
     shear: f64,
+    /// Volume of the spheres over that of the cell.
+    fraction: f64,
 }
 
 impl Flow {
     fn steady(&self) -> Steady {
         let count = self.places.len() as f64;
         let edge = DIAMETER * (count * PI / (6.0 * self.fraction)).cbrt();
-        let Self { rate, stiffness, friction, restitution, dt, .. } = self;
+        let Self { by, rate, stiffness, friction, restitution, dt, .. } = self;
         let text = format!(
             "title = \"shear\"\n[domain]\nlow = [0, 0, 0]\nhigh = [{edge:e}, {edge:e}, {edge:e}]\nperiodic = [true, true, true]\n\
-             shear = {{ along = \"x\", across = \"y\", rate = {rate:e} }}\n[[material]]\nname = \"m\"\ndensity = {DENSITY}\n\
+             {}[[material]]\nname = \"m\"\ndensity = {DENSITY}\n\
              normal_stiffness = {stiffness:e}\ntangential_stiffness = {:e}\nfriction = {friction}\nrestitution = {restitution}\n\
              [[shape]]\nname = \"ball\"\nkind = \"sphere\"\ndiameter = {DIAMETER:e}\n[[fill.file]]\npath = \"grains.csv\"\n\
              [time]\nstep = {dt:e}\nsteps = 1\n[output]\ndirectory = \"out\"\n",
+            by.text(*rate),
             stiffness * 2.0 / 7.0
         );
         let mut random = Random::of(11, 0);
@@ -87,7 +123,8 @@ impl Flow {
                 mean(&|bulk| normal(&bulk.of_motion)),
                 mean(&|bulk| normal(&bulk.of_motion) + normal(&bulk.of_contacts)),
             ],
-            shear: mean(&|bulk| bulk.of_motion[3] + bulk.of_contacts[3]),
+            shear: mean(&|bulk| bulk.of_motion[3] + bulk.of_contacts[3]).abs(),
+            fraction: mean(&|bulk| bulk.solid_fraction),
         }
     }
 }
@@ -123,6 +160,7 @@ fn gas(effort: Effort) -> Case {
         let flow = Flow {
             places: lattice(along, 0.5, 0.45 * room, &mut Random::of(3, u64::from(along))),
             fraction: *fraction,
+            by: By::Images,
             rate: 100.0,
             agitation: 1.0,
             stiffness: 1e3,
@@ -141,7 +179,31 @@ fn gas(effort: Effort) -> Case {
     case
 }
 
-/// Frictional spheres above the volume fraction of jamming: shear stress over pressure of slow flow.
+/// Friction, solid fraction, and published ratio of shear stress and pressure.
+const YIELD: [[f64; 3]; 4] =
+    [[0.1, 0.64, 0.268], [0.3, 0.62, 0.357], [0.5, 0.61, 0.382], [1.0, 0.61, 0.405]];
+
+/// 1,024 spheres that flow slowly.
+fn slow(by: By, friction: f64, fraction: f64, rate: f64) -> Steady {
+    let mut random = Random::of(5, 1);
+    let mut places = lattice(8, 0.25, 0.01, &mut random);
+    places.extend(lattice(8, 0.75, 0.01, &mut random));
+    let flow = Flow {
+        places,
+        fraction,
+        by,
+        rate,
+        agitation: 0.0,
+        stiffness: 1e4,
+        friction,
+        restitution: 0.7,
+        dt: 2.5e-6,
+        strains: [2.0, 5.0],
+    };
+    flow.steady()
+}
+
+/// Frictional spheres above the solid fraction of jamming: shear stress over pressure of slow flow.
 fn yielding() -> Case {
     let mut case = Case::new(
         CHIALVO,
@@ -150,26 +212,42 @@ fn yielding() -> Case {
         0.02,
         "1,024 spheres, one seed each, strain 2 to 5 at an inertial number of 1e-3; published are limits of no inertia, by fits",
     );
-    // Friction, volume fraction, published ratio.
-    let published =
-        [(0.1, 0.64, 0.268), (0.3, 0.62, 0.357), (0.5, 0.61, 0.382), (1.0, 0.61, 0.405)];
-    for (friction, fraction, ratio) in published {
-        let mut random = Random::of(5, 1);
-        let mut places = lattice(8, 0.25, 0.01, &mut random);
-        places.extend(lattice(8, 0.75, 0.01, &mut random));
-        let flow = Flow {
-            places,
-            fraction,
-            rate: 6.0,
-            agitation: 0.0,
-            stiffness: 1e4,
-            friction,
-            restitution: 0.7,
-            dt: 2.5e-6,
-            strains: [2.0, 5.0],
-        };
-        let Steady { pressure: [_, all], shear } = flow.steady();
-        case.absolute(format!("friction {friction}"), ratio, -shear / all);
+    for (name, by) in [("", By::Images), (", in a cell", By::Cell)] {
+        for [friction, fraction, ratio] in YIELD {
+            let Steady { pressure: [_, all], shear, .. } = slow(by, friction, fraction, 6.0);
+            case.absolute(format!("friction {friction}{name}"), ratio, shear / all);
+        }
     }
     case
+}
+
+/// Such spheres under a pressure: shear stress, and the solid fraction to which they dilate.
+fn under_pressure() -> [Case; 2] {
+    const PRESSURE: f64 = 3e3;
+    const INERTIAL: f64 = 1e-3;
+    let case = |quantity: &str, tolerance| {
+        Case::new(
+            CHIALVO,
+            "dense spheres sheared slowly in a cell under a pressure of 3e-4 of the stiffness over the diameter",
+            quantity,
+            tolerance,
+            "1,024 spheres, one seed each, strain 2 to 5 at an inertial number of 1e-3; published are limits of no inertia and no overlap, by fits",
+        )
+    };
+    let mut cases = [case("shear stress over pressure", 0.02), case("solid fraction", 0.01)];
+    let rate = INERTIAL / DIAMETER * (PRESSURE / DENSITY).sqrt();
+    let published = [
+        [0.0, 0.105, 0.636],
+        [0.1, 0.268, 0.613],
+        [0.3, 0.357, 0.596],
+        [0.5, 0.382, 0.587],
+        [1.0, 0.405, 0.581],
+    ];
+    for [friction, ratio, jammed] in published {
+        let by = By::Pressure(PRESSURE);
+        let Steady { pressure: [_, all], shear, fraction } = slow(by, friction, 0.55, rate);
+        cases[0].absolute(format!("friction {friction}"), ratio, shear / all);
+        cases[1].absolute(format!("friction {friction}"), jammed, fraction);
+    }
+    cases
 }

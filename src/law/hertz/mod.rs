@@ -295,7 +295,8 @@ impl Hertz {
         let limit = elastic.friction * press.or(zero, zero.less(press));
         let kept = within_limit(force, limit, contact);
         let slides = kept.force.less(one);
-        let limited = force.times(kept.force);
+        let last = carried.times(shrunk);
+        let limited = self.settings.dashpots.sliding((force, limit), last, &kept, contact);
         let mut elastic = limited;
         if let Some(dashpot) = dashpot {
             elastic = limited.minus(dashpot.part_of(limited));

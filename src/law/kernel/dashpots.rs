@@ -17,7 +17,7 @@
 //! `s + 1/2` of a step, where `s` is the part of the step in contact. A dashpot that has grown with the power `p` of the
 //! time counts `s/(1 + p) + 1/2`.
 
-use super::{Contact, Dashpots, Hardest};
+use super::{Contact, Dashpots, Hardest, Kept};
 use crate::lanes::{Lanes, Triple};
 
 /// Acceleration of two spheres' surfaces in the contact plane over the force between them and `1/m` [-].
@@ -38,6 +38,25 @@ impl Dashpots {
         contact: &Contact<L>,
     ) -> Option<Triple<L>> {
         if self.foreseen { Some(elastic.plus(contact.last_viscous)) } else { None }
+    }
+
+    /// Tangential force [N] of sliding contacts, whose force would be `force` without a limit [N]. `carried` is the last
+    /// elastic part in the present plane [N].
+    #[inline(always)]
+    pub(in super::super) fn sliding<L: Lanes>(
+        self,
+        (force, limit): (Triple<L>, L),
+        carried: Triple<L>,
+        kept: &Kept<L>,
+        contact: &Contact<L>,
+    ) -> Triple<L> {
+        let limited = force.times(kept.force);
+        let slides = kept.force.less(L::all(1.0));
+        if !self.foreseen || slides == 0 || contact.extended {
+            return limited;
+        }
+        let last = carried.plus(super::carried(contact.last_viscous, contact));
+        turned(last, force, limit).or(limited, slides & contact.touched)
     }
 
     /// Constants of a contact as they count in the stable step of packings.
@@ -83,6 +102,37 @@ impl<L: Lanes> Contact<L> {
         let approach = self.foreseen.dot(self.normal) + own * last;
         (elastic + dashpot * approach) / (L::all(1.0) + dashpot * own)
     }
+}
+
+/// A force that follows Coulomb's limit [N] while it slides through a step, from `last` towards `force` without a limit [N].
+///
+/// The force first grows to the limit in a straight line. Then it turns along the limit into the direction of its change, by
+/// `d tan(θ/2) / dx = -tan(θ/2)` with the angle `θ` between both and the change `x` over the limit. The exponential of this
+/// is replaced by a fraction with errors of the third order (Krieg and Krieg 1977, DOI 10.1115/1.3454568, for plasticity).
+#[inline(always)]
+fn turned<L: Lanes>(last: Triple<L>, force: Triple<L>, limit: L) -> Triple<L> {
+    let (zero, half, one) = (L::all(0.0), L::all(0.5), L::all(1.0));
+    let change = force.minus(last);
+    // Part of the change up to the limit.
+    let (a, b, c) = (change.dot(change), last.dot(change), last.dot(last) - limit * limit);
+    let square = b * b - a * c;
+    let reaches = (square.or(zero, zero.less(square)).sqrt() - b) / a;
+    let part = reaches.or(one, reaches.less(one)).or(zero, c.less(zero));
+    let at_limit = last.plus(change.times(part));
+    let size = at_limit.dot(at_limit).sqrt();
+    let way = a.sqrt();
+    let (from, along) = (at_limit.over(size), change.over(way));
+    let x = (one - part) * way / (half * (size + limit));
+    let decay = one / (one + x + half * x * x);
+    let cosine = from.dot(along);
+    let (ahead, behind) = (one + cosine, decay * decay * (one - cosine));
+    let two = L::all(2.0) * decay;
+    let both = along.times(ahead - behind - two * cosine).plus(from.times(two));
+    // Directions without a size are those of the force itself.
+    let turned = both.times(limit / (ahead + behind));
+    let is_known = zero.less(size) & zero.less(way) & zero.less(ahead + behind);
+    let size = force.dot(force).sqrt();
+    turned.or(force.times(limit / size), is_known)
 }
 
 /// Dashpot in the contact plane, for use beside a spring and under friction's limit.

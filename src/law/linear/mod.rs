@@ -159,7 +159,8 @@ impl Linear {
         let limit = springs.friction * normal_force.or(zero, zero.less(normal_force));
         let kept = within_limit(force, limit, contact);
         let slides = kept.force.less(L::all(1.0));
-        let limited = force.times(kept.force);
+        let elastic = carried.times(springs.tangential);
+        let limited = self.dashpots.sliding((force, limit), elastic, &kept, contact);
         let mut elastic = limited;
         if let Some(dashpot) = dashpot {
             elastic = limited.minus(dashpot.part_of(limited));
