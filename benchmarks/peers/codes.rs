@@ -17,6 +17,8 @@ use std::process::{Command, Stdio};
 pub(crate) enum Code {
     /// This program.
     Own,
+    /// This program with `foresee`.
+    OwnForesees,
     /// This program, with the spheres in a random order.
     OwnShuffled,
     /// This program without AVX-512.
@@ -35,6 +37,7 @@ impl Code {
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Own => "dem-mpi",
+            Self::OwnForesees => "dem-mpi foresee",
             Self::OwnShuffled => "dem-mpi shuffled",
             Self::OwnAvx => "dem-mpi avx",
             Self::OwnAny => "dem-mpi any",
@@ -46,7 +49,7 @@ impl Code {
 
     /// Whether the code is this program.
     pub(crate) const fn is_own(self) -> bool {
-        matches!(self, Self::Own | Self::OwnShuffled | Self::OwnAvx | Self::OwnAny)
+        !matches!(self, Self::Lammps | Self::LammpsGranular | Self::Liggghts)
     }
 
     /// Widest registers that it may use, see `dem_mpi::lanes::Registers`.
@@ -160,6 +163,7 @@ fn own_case(code: Code, case: &Case, steps: Steps, folder: &Path) -> anyhow::Res
         ("fill.file.0.path", spheres.display().to_string()),
         ("time.step", format!("{:e}", steps.step)),
         ("time.steps", steps.count.to_string()),
+        ("law.foresee", (code == Code::OwnForesees).to_string()),
     ];
     let mut run = own(code, &case.file, &keys, steps.ranks, folder)?;
     let mut end = vec![Vec3::zeros(); order.len()];

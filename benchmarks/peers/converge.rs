@@ -1,9 +1,11 @@
-//! Positions of the spheres after a millisecond by all codes, with decreasing steps.
+//! Positions of the spheres after a millisecond by all codes, with decreasing steps; the error against the run time.
 
 use crate::case::{Apart, Case};
-use crate::codes::{Code, Steps, run};
+use crate::codes::{Code, Run, Steps, run};
 use anyhow::ensure;
+use benchmarking::lines::{self, Line};
 use dem_mpi::math::Vec3;
+use plotters::prelude::IntoLogRange;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
@@ -14,19 +16,22 @@ const TIME: f64 = 1e-3;
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Time steps [s], the finest last.
-    #[arg(long, value_delimiter = ',', default_values_t = [1e-5, 1e-6, 1e-7])]
+    #[arg(long, value_delimiter = ',', default_values_t = [1e-5, 5e-6, 2e-6, 1e-6, 1e-7])]
     steps: Vec<f64>,
 }
 
-/// Writes `converge.csv`, and prints it as a table.
+/// Writes `converge.csv` and `converge.svg`, and prints the table.
 pub(crate) fn converge(case: &Case, options: &Options, record: &Path) -> anyhow::Result<()> {
     let mut csv = String::from(
-        "code,step_s,against,against_step_s,median_m,percentile_99_m,largest_m,median_over_way\n",
+        "code,step_s,seconds,against,against_step_s,median_m,percentile_99_m,largest_m,median_over_way\n",
     );
-    println!("| code | step | against | step | median | 99 of 100 | largest | median over way |");
-    println!("|---|---|---|---|---|---|---|---|");
+    println!(
+        "| code | step | seconds | against | step | median | 99 of 100 | largest | median over way |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
     let mut lammps: Option<(f64, Vec<Vec3>)> = None;
-    for code in [Code::Lammps, Code::Own, Code::LammpsGranular, Code::Liggghts] {
+    let mut lines = Vec::new();
+    for code in [Code::Lammps, Code::Own, Code::OwnForesees, Code::LammpsGranular, Code::Liggghts] {
         if !code.is_installed() {
             eprintln!("{} is not installed: left out", code.name());
             ensure!(code != Code::Lammps, "it is what the others are compared with");
@@ -35,32 +40,35 @@ pub(crate) fn converge(case: &Case, options: &Options, record: &Path) -> anyhow:
         let ends = options
             .steps
             .iter()
-            .map(|&step| Ok((step, run(code, case, Steps::until(TIME, step))?.end)))
+            .map(|&step| Ok((step, run(code, case, Steps::until(TIME, step))?)))
             .collect::<anyhow::Result<Vec<_>>>()?;
-        let Some(((finest, end), coarser)) = ends.split_last() else { continue };
+        let Some(((finest, fine), coarser)) = ends.split_last() else { continue };
+        let end = &fine.end;
         let way = Apart::of(&case.start, lammps.as_ref().map_or(end, |(_, end)| end)).median;
         let mut row = |step: f64,
-                       end: &[Vec3],
+                       Run { end, seconds, .. }: &Run,
                        other: Code,
                        (other_step, other_end): (f64, &[Vec3])| {
             let Apart { median, percentile_99, largest } = Apart::of(end, other_end);
             let (name, other) = (code.name(), other.name());
             writeln!(
                 csv,
-                "{name},{step:e},{other},{other_step:e},{median:e},{percentile_99:e},{largest:e},{}",
+                "{name},{step:e},{seconds:.4},{other},{other_step:e},{median:e},{percentile_99:e},{largest:e},{}",
                 median / way
             )?;
             println!(
-                "| {name} | {step:e} | {other} | {other_step:e} | {median:.2e} | {percentile_99:.2e} | {largest:.2e} | {:.3} % |",
+                "| {name} | {step:e} | {seconds:.3} | {other} | {other_step:e} | {median:.2e} | {percentile_99:.2e} | {largest:.2e} | {:.3} % |",
                 100.0 * median / way
             );
-            anyhow::Ok(())
+            anyhow::Ok((*seconds, median / way))
         };
+        let mut points = Vec::new();
         for (step, coarse) in coarser {
-            row(*step, coarse, code, (*finest, end))?;
+            points.push(row(*step, coarse, code, (*finest, end))?);
         }
+        lines.push(Line { name: code.name().to_owned(), points });
         if let Some((step, answer)) = &lammps {
-            row(*finest, end, Code::Lammps, (*step, answer))?;
+            row(*finest, fine, Code::Lammps, (*step, answer))?;
         } else {
             lammps = Some((*finest, end.clone()));
         }
@@ -70,6 +78,14 @@ pub(crate) fn converge(case: &Case, options: &Options, record: &Path) -> anyhow:
         println!("\nway in {TIME} s: median {:.3e} m, largest {:.3e} m", way.median, way.largest);
     }
     fs::write(record.join("converge.csv"), csv)?;
+    let all: Vec<(f64, f64)> = lines.iter().flat_map(|line| line.points.clone()).collect();
+    let ends = |of: fn(&(f64, f64)) -> f64| {
+        let values = all.iter().map(of);
+        let least = values.clone().fold(f64::INFINITY, f64::min);
+        (0.7 * least..1.4 * values.fold(0.0, f64::max)).log_scale()
+    };
+    let labels = ["run time of a millisecond [s]", "median error over the way"];
+    lines::draw(&record.join("converge.svg"), labels, ends(|p| p.0), ends(|p| p.1), &lines)?;
     Ok(())
 }
 
