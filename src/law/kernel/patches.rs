@@ -390,7 +390,7 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         let mut contact = motion.contact(&last, &now, dt).timed(zero);
         let last_acting = law.model.last(&constants, last.overlap, state);
-        if law.needs.ahead {
+        if law.needs.ahead && law.needs.tangential_dashpots {
             contact.last_viscous = before.viscous(last.normal, last_acting.rub);
         }
         let turned_before =
