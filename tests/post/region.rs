@@ -464,6 +464,13 @@ fn a_box_that_no_plane_ends_is_doubtful() {
 #[test]
 fn a_margin_follows_the_walls_and_strains_stay_those_of_the_whole() {
     let folder = tempfile::tempdir().unwrap();
+    // Beyond the lid is another one.
+    let boxed = |height: f64, step| {
+        let mut snapshot = boxed(height, step);
+        let beyond = plane_row("beyond", Vec3::z() * (1.5 * height), -Vec3::z());
+        snapshot.header.walls.push(beyond);
+        snapshot
+    };
     for (step, height) in [(1, 0.02), (2, 0.018)] {
         store(folder.path(), &boxed(height, step));
     }
