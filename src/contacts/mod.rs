@@ -566,6 +566,15 @@ impl Contacts {
         self.stretches.iter().flat_map(move |columns| columns.loaded(law, particles))
     }
 
+    /// Contacts whose forces have been found, with the force of A on B [N], in the order of [`Self::loaded`].
+    pub fn acting(&self) -> impl Iterator<Item = (Pair, &Geometry, &Vec3)> {
+        self.stretches.iter().flat_map(|columns| {
+            let Columns { pairs, geometry, forces, .. } = columns;
+            let rows = pairs.iter().copied().zip(geometry).zip(forces);
+            rows.map(|((pair, geometry), force)| (pair, geometry, force))
+        })
+    }
+
     /// Contacts with walls: bodies, geometry and normal force [N]. Also known after a restart, before any force has been
     /// found.
     pub fn pressing_on_walls<'a>(

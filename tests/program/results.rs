@@ -10,16 +10,16 @@ use std::path::Path;
 const RUNS: [(&str, &str, &str); 7] = [
     ("tests/program/heap.toml", "2000", "--fields 1d --margin 1d"),
     ("tests/program/kinds.toml", "1500", "--surfaces --detail 1 --lammps --fabric-with-walls"),
-    ("tests/program/chute.toml", "4000", "--flow -z=0.03 --vtp"),
+    ("tests/program/chute.toml", "4000", "--flow -z=0.03 --vtp --surfaces --detail 1"),
     ("run/drum/scene.toml", "4000", "--mixing shape:red --slope x --fields 1d"),
     ("run/triaxial/1-pack.toml", "400", "--fields 1d --weight gauss --mixing half:z"),
-    ("run/jacks/fill.toml", "30000", "--surfaces --detail 1 --fields 1d"),
+    ("tests/scenes/good/unions.toml", "200", "--surfaces --detail 1 --fields 1d"),
     ("tests/scenes/good/strained.toml", "300", "--fabric-with-walls"),
 ];
 
 /// Shapes that are drawn too, with their scenes.
 const DRAWN: [(&str, &str); 2] =
-    [("tests/program/kinds.toml", "shard"), ("run/jacks/fill.toml", "jack")];
+    [("tests/program/kinds.toml", "shard"), ("tests/scenes/good/unions.toml", "ell")];
 
 /// Endings of the files that are text.
 const KINDS: [&str; 5] = ["csv", "svg", "json", "vtp", "dump"];

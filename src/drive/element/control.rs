@@ -1,7 +1,7 @@
 //! Control law of a cell: strain rate from the stress in the cell.
 //!
 //! In each step of `dt` a component with a target gets a rate from its deficit `e = target - stress`, and from the modulus
-//! of the present contacts `C = (1/V) Σ l² n_b² (k + c/dt)`. `l` are their branches, `n` normals, `k` stiffnesses and `c`
+//! of the contacts `C = (1/V) Σ l² n_b² (k + c/dt)`. `l` are their branches, `n` normals, `k` stiffnesses and `c`
 //! dashpots; `b` is the last axis of the component:
 //!
 //! `rate = P e / (C dt) + s`, then `s ← s + I e / (C dt)`, with `P = 0.25 gain` and `I = P²/4`.
@@ -9,6 +9,7 @@
 //! All particles move with the cell in the same step, so no wave must cross the packing first. True moduli are below those
 //! of a uniform motion, so a rate found from `C` does not overshoot. `C` bounds the sum of the moduli by which the
 //! components act on each other. The stress of a step sets the rate two steps later, so `P` is smaller than that of walls.
+//! The modulus is measured in each step until there are contacts, then every 16 steps.
 //! A component without contacts goes at `max_rate` towards its target, or rests if that is zero.
 
 use crate::math::Vec3;

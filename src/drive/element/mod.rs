@@ -21,6 +21,9 @@ use crate::math::{ExactSum, Mat3, Vec3};
 use crate::measure::COMPONENTS;
 use crate::walls::Wall;
 
+/// Number of steps between two sums of the stiffness.
+const STIFFNESS_EVERY: u64 = 16;
+
 /// Number of sums of a step: stress times volume by [`COMPONENTS`], then moduli by axis.
 const SUMS: usize = COMPONENTS.len() + 3;
 
@@ -173,41 +176,47 @@ impl Drive for Element {
 
 impl Observer for Element {
     /// Sums stress and stiffness of this rank at the present positions.
+    ///
+    /// Exact sums are slow, so they get one term for each particle: the contacts of which it is the first body, in their
+    /// order, which is that of every rank.
     fn after_forces(&mut self, view: &View) {
         if self.sums.is_empty() {
             return;
         }
         let View { moment, particles, contacts, law, .. } = view;
-        let mut sums = vec![ExactSum::default(); SUMS];
+        self.sums.fill(ExactSum::default());
         // At the start no time has passed, so dashpots add no stiffness.
         let dt = if moment.dt > 0.0 { moment.dt } else { f64::INFINITY };
-        let mut add = |k: usize, term: f64| {
-            // A state that is not a number is reported when the list of pairs is rebuilt.
-            if term.is_finite() {
-                sums[k].add(term);
-            }
-        };
-        for contact in contacts.loaded(*law, particles) {
-            if contact.pair.a.index() >= particles.owned {
+        let is_unknown = |(k, _): (usize, f64)| self.states[k].modulus == 0.0;
+        let with_stiffness =
+            moment.step.is_multiple_of(STIFFNESS_EVERY) || self.control.targets().any(is_unknown);
+        let mut of_body = [0.0; SUMS];
+        let mut body = None;
+        for (pair, geometry, force) in contacts.acting() {
+            if pair.a.index() >= particles.owned {
                 continue;
             }
-            let branch = particles.bodies().relative(contact.pair);
-            for (k, [i, j]) in COMPONENTS.into_iter().enumerate() {
-                add(k, 0.5 * (contact.force[i] * branch[j] + contact.force[j] * branch[i]));
+            if body != Some(pair.a) {
+                add(&mut self.sums, &std::mem::take(&mut of_body));
+                body = Some(pair.a);
             }
-            let stiffness = law.stiffness(contact.pair, particles, contact.geometry, dt);
-            for axis in 0..3 {
-                let along = contact.geometry.normal[axis];
-                add(COMPONENTS.len() + axis, stiffness * branch.norm_squared() * along * along);
+            let branch = particles.bodies().relative(pair);
+            for (sum, [i, j]) in of_body.iter_mut().zip(COMPONENTS) {
+                *sum += 0.5 * (force[i] * branch[j] + force[j] * branch[i]);
+            }
+            if with_stiffness {
+                let stiffness = law.stiffness(pair, particles, geometry, dt);
+                for (sum, along) in of_body[COMPONENTS.len()..].iter_mut().zip(&geometry.normal) {
+                    *sum += stiffness * branch.norm_squared() * along * along;
+                }
             }
         }
+        add(&mut self.sums, &of_body);
         for slot in 0..particles.owned {
             let (mass, velocity) = (particles.mass(slot), particles.velocity[slot]);
-            for (k, [i, j]) in COMPONENTS.into_iter().enumerate() {
-                add(k, mass * velocity[i] * velocity[j]);
-            }
+            let of_motion = COMPONENTS.map(|[i, j]| mass * velocity[i] * velocity[j]);
+            add(&mut self.sums, &of_motion);
         }
-        self.sums = sums;
     }
 }
 
@@ -276,6 +285,15 @@ impl Reporter for Element {
 
     fn resume(&mut self, restart: &Restart, _walls: &mut [Wall]) -> Result<(), DriveError> {
         state::resume(self, restart)
+    }
+}
+
+/// Adds the terms of a body. A state that is not a number is reported when the list of pairs is rebuilt.
+fn add(sums: &mut [ExactSum], terms: &[f64]) {
+    for (sum, &term) in sums.iter_mut().zip(terms) {
+        if term != 0.0 && term.is_finite() {
+            sum.add(term);
+        }
     }
 }
 
