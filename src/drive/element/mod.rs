@@ -7,6 +7,7 @@
 
 pub mod control;
 mod state;
+mod whole;
 
 pub use control::{Control, Goal, Pressed, State};
 
@@ -20,6 +21,7 @@ use crate::comm::Comm;
 use crate::math::{ExactSum, Mat3, Vec3};
 use crate::measure::COMPONENTS;
 use crate::walls::Wall;
+use whole::Whole;
 
 /// Number of steps between two sums of the stiffness.
 const STIFFNESS_EVERY: u64 = 16;
@@ -38,6 +40,8 @@ pub struct Element {
     has_begun: bool,
     /// Sums of this rank at the present positions; empty without targets.
     sums: Vec<ExactSum>,
+    /// Quantum of the next sums of stress times volume [J], see [`Whole`]; 0 if it is unknown.
+    quantum: f64,
     warnings: Vec<String>,
     /// Is a target still ramping?
     ramps: bool,
@@ -68,6 +72,7 @@ impl Element {
             records: Default::default(),
             has_begun: false,
             sums: vec![ExactSum::default(); sums],
+            quantum: 0.0,
             warnings: Vec::new(),
         }
     }
@@ -166,6 +171,7 @@ impl Drive for Element {
             let volume = steering.cell.volume();
             let sums = ExactSum::values(steering.sums);
             let (stress, moduli) = sums.split_at(COMPONENTS.len());
+            self.quantum = Whole::quantum(stress[..3].iter().map(|x| x.abs()).sum());
             pressed.stress = std::array::from_fn(|k| stress[k] / volume);
             pressed.moduli = Vec3::from_column_slice(moduli) / volume;
         }
@@ -176,47 +182,40 @@ impl Drive for Element {
 
 impl Observer for Element {
     /// Sums stress and stiffness of this rank at the present positions.
-    ///
-    /// Exact sums are slow, so they get one term for each particle: the contacts of which it is the first body, in their
-    /// order, which is that of every rank.
     fn after_forces(&mut self, view: &View) {
         if self.sums.is_empty() {
             return;
         }
         let View { moment, particles, contacts, law, .. } = view;
-        self.sums.fill(ExactSum::default());
         // At the start no time has passed, so dashpots add no stiffness.
         let dt = if moment.dt > 0.0 { moment.dt } else { f64::INFINITY };
         let is_unknown = |(k, _): (usize, f64)| self.states[k].modulus == 0.0;
         let with_stiffness =
             moment.step.is_multiple_of(STIFFNESS_EVERY) || self.control.targets().any(is_unknown);
-        let mut of_body = [0.0; SUMS];
-        let mut body = None;
+        self.sums.fill(ExactSum::default());
+        let (stress, moduli) = self.sums.split_at_mut(COMPONENTS.len());
+        let mut whole = Whole::of(self.quantum);
         for (pair, geometry, force) in contacts.acting() {
             if pair.a.index() >= particles.owned {
                 continue;
             }
-            if body != Some(pair.a) {
-                add(&mut self.sums, &std::mem::take(&mut of_body));
-                body = Some(pair.a);
-            }
             let branch = particles.bodies().relative(pair);
-            for (sum, [i, j]) in of_body.iter_mut().zip(COMPONENTS) {
-                *sum += 0.5 * (force[i] * branch[j] + force[j] * branch[i]);
-            }
+            let ([x, y, z], [u, v, w]): ([f64; 3], [f64; 3]) = ((*force).into(), branch.into());
+            let shear = [0.5 * (x * v + y * u), 0.5 * (x * w + z * u), 0.5 * (y * w + z * v)];
+            whole.add([x * u, y * v, z * w, shear[0], shear[1], shear[2]], stress);
             if with_stiffness {
                 let stiffness = law.stiffness(pair, particles, geometry, dt);
-                for (sum, along) in of_body[COMPONENTS.len()..].iter_mut().zip(&geometry.normal) {
-                    *sum += stiffness * branch.norm_squared() * along * along;
+                for (sum, along) in moduli.iter_mut().zip(&geometry.normal) {
+                    add(sum, stiffness * branch.norm_squared() * along * along);
                 }
             }
         }
-        add(&mut self.sums, &of_body);
         for slot in 0..particles.owned {
-            let (mass, velocity) = (particles.mass(slot), particles.velocity[slot]);
-            let of_motion = COMPONENTS.map(|[i, j]| mass * velocity[i] * velocity[j]);
-            add(&mut self.sums, &of_motion);
+            let (mass, [x, y, z]) = (particles.mass(slot), particles.velocity[slot].into());
+            let [u, v, w]: [f64; 3] = [mass * x, mass * y, mass * z];
+            whole.add([u * x, v * y, w * z, u * y, u * z, v * z], stress);
         }
+        whole.finish(stress);
     }
 }
 
@@ -288,12 +287,10 @@ impl Reporter for Element {
     }
 }
 
-/// Adds the terms of a body. A state that is not a number is reported when the list of pairs is rebuilt.
-fn add(sums: &mut [ExactSum], terms: &[f64]) {
-    for (sum, &term) in sums.iter_mut().zip(terms) {
-        if term != 0.0 && term.is_finite() {
-            sum.add(term);
-        }
+/// Adds a term. A state that is not a number is reported when the list of pairs is rebuilt.
+fn add(sum: &mut ExactSum, term: f64) {
+    if term.is_finite() {
+        sum.add(term);
     }
 }
 
