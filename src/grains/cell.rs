@@ -677,6 +677,19 @@ impl Cell {
         }
     }
 
+    /// Work of a force [N] on the image that [`Cell::nearest`] takes for a difference of two places [m], in the last step and
+    /// ahead, for these times [s].
+    pub fn work_on_nearest(&self, difference: &Vec3, force: &Vec3, times: [f64; 2]) -> f64 {
+        let [before, ahead] = times;
+        if let Images::Carried(Carried { strained, last_rate, .. }) = &self.images {
+            let nearest = self.nearest(*difference);
+            let [then, soon] = [last_rate, &strained.rate].map(|rate| upper(rate, &nearest));
+            return before * force.dot(&then) + ahead * force.dot(&soon);
+        }
+        let power = force.dot(&self.velocity_of_nearest(difference));
+        before * power + ahead * power
+    }
+
     /// [`Self::velocity_of_nearest_midway`] in lanes, for differences in position [m] and velocity [m/s].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
@@ -732,6 +745,10 @@ impl Cell {
     #[inline]
     pub fn nearest(&self, mut difference: Vec3) -> Vec3 {
         if let Images::Carried(Carried { chosen, .. }) = &self.images {
+            // Most pairs have no image between them.
+            if (0..3).all(|axis| difference[axis].abs() <= 0.5 * self.period[axis]) {
+                return difference;
+            }
             // The parts of the other edges along the first may add up to a whole one.
             for axis in [2, 1, 0, 0] {
                 let faces = self.faces_between(difference[axis], axis);

@@ -672,18 +672,16 @@ impl Simulation {
             return;
         }
         let particles = &mut self.particles;
-        let mut given: Vec<(usize, f64)> = Vec::new();
-        for (pair, force) in self.contacts.forces() {
-            let (now, then) = (particles.sliding_now(pair), particles.sliding_ahead(pair));
-            if now != Vec3::zeros() || then != Vec3::zeros() {
-                let share = -0.5 * before * force.dot(&now) - 0.5 * ahead * force.dot(&then);
-                let bodies = [pair.a, pair.b].map(|slot| particles.body_of(slot).index());
-                given.extend(bodies.map(|slot| (slot, share)));
-            }
-        }
         // Terms of a body come in the spatial order of its partners.
-        for (slot, energy) in given.into_iter().filter(|(slot, _)| *slot < particles.owned) {
-            particles.accumulated[Quantity::Received][slot] += energy;
+        for (pair, force) in self.contacts.forces() {
+            let bodies = [pair.a, pair.b].map(|slot| particles.body_of(slot).index());
+            let [a, b] = bodies.map(|slot| particles.position[slot]);
+            let share = -0.5 * particles.cell.work_on_nearest(&(b - a), force, [before, ahead]);
+            if share != 0.0 {
+                for slot in bodies.into_iter().filter(|slot| *slot < particles.owned) {
+                    particles.accumulated[Quantity::Received][slot] += share;
+                }
+            }
         }
     }
 

@@ -219,14 +219,7 @@ impl Particles {
         let apart = self.position[b] - self.position[a];
         self.cell.velocity_of_nearest_midway(&apart, &(self.velocity[b] - self.velocity[a]))
     }
-
-    /// [`Self::sliding_of_image`] at the present positions.
-    pub fn sliding_now(&self, pair: Pair) -> Vec3 {
-        let [a, b] = [pair.a, pair.b].map(|slot| self.position[self.body_of(slot).index()]);
-        self.cell.velocity_of_nearest(&(b - a))
-    }
-
-    /// [`Self::sliding_of_image`] in the next step.
+    /// Velocity of the image that a body touches relative to the body's own [m/s], in the next step.
     pub fn sliding_ahead(&self, pair: Pair) -> Vec3 {
         let [a, b] = [pair.a, pair.b].map(|slot| self.position[self.body_of(slot).index()]);
         self.cell.velocity_of_nearest_ahead(&(b - a))
