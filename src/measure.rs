@@ -458,8 +458,8 @@ impl Totals {
     /// Subtracts the work of sliding images that belongs to the first half of the next step.
     fn add_work_ahead(&mut self, contact: &Loaded, particles: &Particles, dt: f64) {
         if self.stresses.is_some() {
-            let slides = particles.sliding_ahead(contact.pair);
-            self.add(SumIndex::Received, 0.5 * dt * contact.force.dot(&slides));
+            let work = particles.work_on_image(contact.pair, &contact.force, [0.0, 0.5 * dt]);
+            self.add(SumIndex::Received, work);
         }
     }
 

@@ -610,7 +610,7 @@ impl Contacts {
 
     /// Forces of A on B [N].
     pub fn forces(&self) -> impl Iterator<Item = (Pair, &Vec3)> {
-        self.stretches.iter().flat_map(|columns| columns.pairs.iter().copied().zip(&columns.forces))
+        self.acting().map(|(pair, _, force)| (pair, force))
     }
 
     /// Stretches of contacts with walls, which are separate from the others.

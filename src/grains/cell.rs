@@ -265,13 +265,22 @@ impl Cell {
         Some(cell)
     }
 
+    /// A cell with these edges as columns [m], at rest, which a flow may carry; `None` if they are not an upper triangular matrix
+    /// with a positive diagonal.
+    pub fn of_edges(low: Vec3, edges: Mat3) -> Option<Self> {
+        let still = Strained { edges, rate: Mat3::zeros(), strain: Mat3::zeros() };
+        Self::new(low, low + edges.diagonal(), [true; 3]).with_strain(still)
+    }
+
     /// Copy that a flow may carry from now on, with edges along the axes; `None` if an axis is not periodic, or images slide.
     #[must_use]
     pub fn at_rest(self) -> Option<Self> {
-        let (edges, zero) = (Mat3::from_diagonal(&self.period), Mat3::zeros());
         let is_square = self.images == Images::Square;
-        let still = Strained { edges, rate: zero, strain: zero };
-        if is_square { self.with_strain(still) } else { None }
+        if is_square {
+            Self::of_edges(self.origin, Mat3::from_diagonal(&self.period))
+        } else {
+            None
+        }
     }
 
     /// State of a cell carried by a flow; `None` for other cells.
@@ -666,14 +675,6 @@ impl Cell {
         match &self.images {
             Images::Carried(carried) => carried.midway(&now, parting),
             _ => now,
-        }
-    }
-
-    /// [`Self::velocity_of_nearest`] in the next step.
-    pub fn velocity_of_nearest_ahead(&self, difference: &Vec3) -> Vec3 {
-        match &self.images {
-            Images::Carried(carried) => upper(&carried.strained.rate, &self.nearest(*difference)),
-            _ => self.velocity_of_nearest(difference),
         }
     }
 

@@ -3,7 +3,7 @@
 //! Cells are separated by commas ([`csv`]) or blanks ([`blanks`]). Files of LAMMPS are read into the same form. Names are in the first line, or
 //! in a comment above it. Lines that begin with `#` are comments.
 
-use crate::cell::{Cell, Strained};
+use crate::cell::Cell;
 use crate::math::{Mat3, Vec3};
 use crate::text::{self, Lines, shown};
 use csv::StringRecord;
@@ -40,9 +40,8 @@ impl Bounds {
     /// Error if the edges lean and are not those of the domain.
     pub(super) fn check(&self, domain: Option<&Cell>) -> Result<(), String> {
         let Self { low, edges, .. } = self;
-        let still = Strained { edges: *edges, rate: Mat3::zeros(), strain: Mat3::zeros() };
-        let cell = Cell::new(*low, low + edges.diagonal(), [true; 3]).with_strain(still);
-        let (Some(cell), Some(domain)) = (cell.filter(Cell::is_tilted), domain) else {
+        let cell = Cell::of_edges(*low, *edges).filter(Cell::is_tilted);
+        let (Some(cell), Some(domain)) = (cell, domain) else {
             return Ok(());
         };
         if domain.strained().is_some()

@@ -18,7 +18,7 @@ use super::reader::{Given, Section};
 use super::room::Room;
 use super::walls::Walls;
 use super::{Control, Fill, FreeWall, Inlet, Method, Mix, Outlet, Rain, Scene, Servo, Stop};
-use crate::cell::{AXES, Cell, Shear, Strained};
+use crate::cell::{AXES, Cell, Shear};
 use crate::contact::{Epa, ErodedGjk};
 use crate::domain::halo_width;
 use crate::drive::groups::{Group, held_of};
@@ -473,8 +473,7 @@ fn tilted(section: &Section, low: Vec3, given: &Given) -> Option<Cell> {
         section.get("periodic")?.fail("must be true for all axes with `edges`");
         return None;
     }
-    let still = Strained { edges, rate: Mat3::zeros(), strain: Mat3::zeros() };
-    let cell = Cell::new(low, low + edges.diagonal(), periodic).with_strain(still);
+    let cell = Cell::of_edges(low, edges);
     if cell.is_none() {
         given.fail(
             "must be [a, 0, 0], [b, c, 0] and [d, e, f] with a, c and f above 0: the first edge is along x, the second in the plane \

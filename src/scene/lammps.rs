@@ -6,7 +6,7 @@
 //! | dump | `ITEM: ATOMS` with any columns, in the box of `ITEM: BOX BOUNDS` | <https://docs.lammps.org/dump.html> |
 //!
 //! In both, `shapex shapey shapez` are full lengths, in dumps since LAMMPS of July 2020
-//! (<https://gitlab.com/stuko/ovito/-/issues/213>); quaternions of data files begin with w. Tilted boxes are rejected.
+//! (<https://gitlab.com/stuko/ovito/-/issues/213>); quaternions of data files begin with w. Edges of any direction are rejected.
 
 use super::cells::{Bounds, Cells, lines, number};
 use crate::math::{Mat3, Vec3};
@@ -20,7 +20,7 @@ fn wrong<T>(line: usize, what: impl std::fmt::Display) -> Found<T> {
     Err(vec![format!("line {line}: {what}")])
 }
 
-/// Advice about a tilted box.
+/// Advice about a general triclinic box.
 const GENERAL: &str =
     "the edges of the box have any direction: write it without `triclinic/general`";
 

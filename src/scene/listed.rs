@@ -174,10 +174,9 @@ impl Source<'_> {
         if cells.names.is_empty() {
             return Err(vec!["the file lists no particles".to_owned()]);
         }
-        cells
-            .bounds
-            .map_or(Ok(()), |bounds| bounds.check(self.domain))
-            .map_err(|what| vec![what])?;
+        if let Some(bounds) = cells.bounds {
+            bounds.check(self.domain).map_err(|what| vec![what])?;
+        }
         let columns = Columns::find(self, &cells).map_err(few)?;
         let mut doubts = cells.doubts;
         doubts.extend(columns.unread());

@@ -674,10 +674,9 @@ impl Simulation {
         let particles = &mut self.particles;
         // Terms of a body come in the spatial order of its partners.
         for (pair, force) in self.contacts.forces() {
-            let bodies = [pair.a, pair.b].map(|slot| particles.body_of(slot).index());
-            let [a, b] = bodies.map(|slot| particles.position[slot]);
-            let share = -0.5 * particles.cell.work_on_nearest(&(b - a), force, [before, ahead]);
+            let share = -0.5 * particles.work_on_image(pair, force, [before, ahead]);
             if share != 0.0 {
+                let bodies = [pair.a, pair.b].map(|slot| particles.body_of(slot).index());
                 for slot in bodies.into_iter().filter(|slot| *slot < particles.owned) {
                     particles.accumulated[Quantity::Received][slot] += share;
                 }

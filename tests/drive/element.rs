@@ -7,7 +7,7 @@ use dem_mpi::comm::threads;
 use dem_mpi::math::{Mat3, Vec3};
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::assemble::{self, Continuation, StartError};
-use dem_mpi::scene::probe::probe;
+use dem_mpi::scene::probe::{Probe, probe};
 use dem_mpi::sim::Simulation;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -169,10 +169,7 @@ fn a_hexagonal_packing_relaxes_to_its_moduli() {
          [neighbours]\nskin = 1e-5\n"
     ));
     let probe = probe(&scene, None, 1e-7, &mut Alone::default()).unwrap();
-    let c = |i: usize, j: usize| probe.stiffness[i][j] * DIAMETER / NORMAL;
-    println!("{}", probe.words());
-    let unit = 2.0_f64.sqrt() / 24.0;
-    for (i, j, expected) in [
+    let rows = [
         (0, 0, 29.0),
         (1, 1, 29.0),
         (0, 1, 11.0),
@@ -185,9 +182,21 @@ fn a_hexagonal_packing_relaxes_to_its_moduli() {
         (5, 5, 8.0),
         (0, 3, 0.0),
         (3, 5, 0.0),
-    ] {
-        let error = c(i, j) / unit - expected;
-        assert!(error.abs() < 3e-3, "{i} {j}: {} for {expected}", c(i, j) / unit);
+    ];
+    has_stiffness(&probe, &rows);
+}
+
+/// Stiffness of a close packing with central springs, over `sqrt 2 / 24` of the springs over the diameter.
+fn stiffness(probe: &Probe, i: usize, j: usize) -> f64 {
+    probe.stiffness[i][j] * DIAMETER / NORMAL * 24.0 / 2.0_f64.sqrt()
+}
+
+/// Checks components of a stiffness.
+fn has_stiffness(probe: &Probe, rows: &[(usize, usize, f64)]) {
+    println!("{}", probe.words());
+    for &(i, j, expected) in rows {
+        let found = stiffness(probe, i, j);
+        assert!((found - expected).abs() < 3e-3, "{i} {j}: {found} for {expected}");
     }
 }
 
@@ -223,10 +232,8 @@ fn a_cell_of_primitive_edges_has_the_moduli_of_its_lattice() {
     let found = probe(&scene, None, 1e-7, &mut Alone::default()).unwrap();
     let shared = threads::run(2, |comm| probe(&scene, None, 1e-7, comm).unwrap());
     assert!(shared.iter().all(|part| *part == found), "bits on two ranks");
-    println!("{}", found.words());
-    let unit = 2.0_f64.sqrt() / 24.0;
-    let c = |i: usize, j: usize| found.stiffness[i][j] * DIAMETER / NORMAL / unit;
-    for (i, j, expected) in [
+    let beside = stiffness(&found, 0, 5).signum() * 8.0_f64.sqrt();
+    let rows = [
         (0, 0, 30.0),
         (1, 1, 30.0),
         (0, 1, 10.0),
@@ -239,13 +246,11 @@ fn a_cell_of_primitive_edges_has_the_moduli_of_its_lattice() {
         (0, 3, 0.0),
         (0, 4, 0.0),
         (2, 5, 0.0),
-    ] {
-        assert!((c(i, j) - expected).abs() < 3e-3, "{i} {j}: {} for {expected}", c(i, j));
-    }
-    for (i, j, sign) in [(0, 5, 1.0), (1, 5, -1.0), (3, 4, 1.0)] {
-        let expected = sign * c(0, 5).signum() * 8.0_f64.sqrt();
-        assert!((c(i, j) - expected).abs() < 3e-3, "{i} {j}: {} for {expected}", c(i, j));
-    }
+        (0, 5, beside),
+        (1, 5, -beside),
+        (3, 4, beside),
+    ];
+    has_stiffness(&found, &rows);
     for (from, to, said) in [
         ("[cell]", "", "needs a [cell]; an empty one keeps the edges"),
         ("[cell]", "high = [1, 1, 1]\n[cell]", "is not together with `edges`"),

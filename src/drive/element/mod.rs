@@ -2,8 +2,8 @@
 //!
 //! Each component of strain has a rate, given or controlled by a stress ([`control`]). The flow carries all particles in
 //! the same step ([`crate::motion::affine`]). The stress is the symmetric part of two sums over the volume: force times
-//! branch, and mass times the square of the velocity relative to the flow. It is summed exactly and once per step, while
-//! the particles move: the bits do not depend on the number of ranks.
+//! branch, and mass times the square of the velocity relative to the flow. It is summed once per step, in whole numbers
+//! (`whole.rs`), while the particles move: the bits do not depend on the number of ranks.
 
 pub mod control;
 mod state;

@@ -1,12 +1,12 @@
 //! Sums that do not depend on the order of their terms: terms are rounded to multiples of a quantum, and these are counted.
 //!
-//! The quantum follows from the sum of the step before, which is the same on every rank. A rounding error is at most 2^-46 of
-//! that sum. Terms that are too large for the quantum are added to an [`ExactSum`].
+//! The quantum follows from the sum of the normal stresses in the step before, which is the same on every rank. A rounding error
+//! is at most 2^-46 of that sum. Terms that are too large for the quantum are added to an [`ExactSum`].
 
 use crate::math::ExactSum;
 use crate::measure::COMPONENTS;
 
-/// Quanta in the sum of the step before, at least.
+/// Quanta in that sum, at least.
 const QUANTA: f64 = (1_u64 << 45) as f64;
 /// Terms of fewer quanta are counted.
 const MOST: f64 = (1_u64 << 51) as f64;

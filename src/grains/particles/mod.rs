@@ -219,10 +219,11 @@ impl Particles {
         let apart = self.position[b] - self.position[a];
         self.cell.velocity_of_nearest_midway(&apart, &(self.velocity[b] - self.velocity[a]))
     }
-    /// Velocity of the image that a body touches relative to the body's own [m/s], in the next step.
-    pub fn sliding_ahead(&self, pair: Pair) -> Vec3 {
+
+    /// Work [J] of a force [N] through a contact, see [`Cell::work_on_nearest`]; times in s.
+    pub fn work_on_image(&self, pair: Pair, force: &Vec3, times: [f64; 2]) -> f64 {
         let [a, b] = [pair.a, pair.b].map(|slot| self.position[self.body_of(slot).index()]);
-        self.cell.velocity_of_nearest_ahead(&(b - a))
+        self.cell.work_on_nearest(&(b - a), force, times)
     }
 
     /// Bodies for contact resolution.
