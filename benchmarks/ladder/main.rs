@@ -347,8 +347,13 @@ impl Runner {
 }
 
 /// Instructions of a step, or of a function in it, from two runs of different length. `None` if the program has an instruction
-/// unknown to valgrind (3.19: `vmovq` between registers), which the bodies with faces need.
-fn instructions(number: usize, ranks: u32, function: Option<&str>) -> anyhow::Result<Option<f64>> {
+/// unknown to valgrind (3.19: `vmovq` between registers), which the bodies with faces may need in `registers` with AVX.
+fn instructions(
+    number: usize,
+    ranks: u32,
+    function: Option<&str>,
+    registers: &str,
+) -> anyhow::Result<Option<f64>> {
     let of = |steps: u32| {
         let program = std::env::current_exe()?;
         let output = Command::new("valgrind")
@@ -357,6 +362,7 @@ fn instructions(number: usize, ranks: u32, function: Option<&str>) -> anyhow::Re
             .arg(program)
             .args(["--one", &number.to_string(), "--steps", &steps.to_string()])
             .args(["--ranks", &ranks.to_string()])
+            .env("DEM_MPI_REGISTERS", registers)
             .output()
             .context("valgrind, which counts instructions, does not start")?;
         let told = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -427,7 +433,7 @@ fn main() -> anyhow::Result<()> {
             (1e9 * median(&mut times[number].clone()) / bodies, median(&mut ratios));
         over_the_loop.push(ratio);
         let [bytes, listed, contacts] = sizes[number].map(|size| size as f64 / bodies);
-        let counted = if count { instructions(number, 1, None)? } else { None };
+        let counted = if count { instructions(number, 1, None, "avx")? } else { None };
         let counted =
             counted.map_or_else(String::new, |counted| format!("{:.0}", counted / bodies));
         println!(

@@ -62,7 +62,9 @@ pub(super) fn count(record: Option<&Path>) -> anyhow::Result<()> {
 fn by_phase(number: usize) -> anyhow::Result<Option<[(Phase, f64); 3]>> {
     let mut counted = [0.0; 3];
     for (function, counted) in [STEP, CONTACTS_AND_FORCES, FORCES].into_iter().zip(&mut counted) {
-        let Some(of_it) = instructions(number, 1, Some(function))? else { return Ok(None) };
+        let Some(of_it) = instructions(number, 1, Some(function), "avx")? else {
+            return Ok(None);
+        };
         ensure!(of_it > 0.0, "{function} is not to be found in the program: was it renamed?");
         *counted = of_it;
     }

@@ -123,6 +123,7 @@ impl<M: Model> Model for Dmt<M> {
 
     const MOMENTS: bool = M::MOMENTS;
     const BY_CURVATURE: bool = M::BY_CURVATURE;
+    const FORESEES: bool = M::FORESEES;
     const FACES: bool = M::FACES;
 
     fn needs(&self) -> Needs {

@@ -234,6 +234,10 @@ pub trait Model: About + std::fmt::Debug {
     /// computed.
     const TEARS: bool = false;
 
+    /// May its [`Needs`] ask for predicted velocities? Such a model needs `velocity`, too. By default it may not, and none are
+    /// computed.
+    const FORESEES: bool = false;
+
     /// Does it handle contacts of faces and straight sides? By default it does; a model without them compiles faster.
     const FACES: bool = true;
 
@@ -378,6 +382,8 @@ impl<M: Model> Law<M> {
         let mut needs = model.needs();
         assert!(M::BY_CURVATURE || !needs.curvature, "{} does not say so", model.name());
         assert!(!M::MOMENTS || needs.velocity && needs.spin, "{} turns nothing", model.name());
+        assert!(M::FORESEES || !needs.ahead, "{} does not foresee", model.name());
+        assert!(!M::FORESEES || needs.velocity, "{} foresees nothing", model.name());
         let mut state = model.state().to_vec();
         let grains = &library.shapes[library.grains()];
         let mut has_points = false;
@@ -619,7 +625,7 @@ impl<M: Model> Kernel for Contacts<'_, '_, M> {
         let velocity = self.law.needs.velocity;
         if M::BY_CURVATURE && self.law.needs.curvature {
             // These bodies turn and have points.
-            if M::MOMENTS || velocity {
+            if M::MOMENTS || M::FORESEES || velocity {
                 self.all::<L, true, true, true, true>();
             } else {
                 self.all::<L, false, true, false, true>();
@@ -632,7 +638,7 @@ impl<M: Model> Kernel for Contacts<'_, '_, M> {
                 self.all::<L, true, true, false, false>();
             }
         } else {
-            match (velocity, self.particles.spin.is_some()) {
+            match (M::FORESEES || velocity, self.particles.spin.is_some()) {
                 (true, true) if points => self.all::<L, true, true, true, false>(),
                 (true, true) => self.all::<L, true, true, false, false>(),
                 (true, false) => self.all::<L, true, false, false, false>(),
@@ -756,7 +762,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let now = GeometryInLanes::of(&eight_from_rows(self.work.geometry, first, count));
         let arms = self.arms::<L, MOVES, TURNS>(&block, &constants.radii, [&last, &now], acted);
         let mut motion = if MOVES {
-            Motion::of(particles, bodies, arms.now, arms.last, dt)
+            Motion::of::<M>(particles, bodies, arms.now, arms.last, dt)
         } else {
             Motion::none()
         };
@@ -869,7 +875,9 @@ impl<M: Model> Contacts<'_, '_, M> {
         let Motion { velocity, last_velocity, turning, .. } = *motion;
         let GeometryInLanes { normal, .. } = *now;
         let mut contact = motion.contact(last, now, dt).timed(law.model.outlives(constants));
-        if let Some(LastForce { viscous: Some(last), .. }) = acted {
+        if M::FORESEES
+            && let Some(LastForce { viscous: Some(last), .. }) = acted
+        {
             contact.last_viscous = last;
         }
         let mut before = law.model.last(of_last, last.overlap, state);
@@ -1287,7 +1295,7 @@ impl<L: Eight> Motion<L> {
 
     /// Motion of bodies A and B, at the present and the last arms from their centres [m].
     #[inline(always)]
-    fn of(
+    fn of<M: Model>(
         particles: &Particles,
         [a, b]: [Gather; 2],
         [arm_a, arm_b]: [Triple<L>; 2],
@@ -1309,7 +1317,7 @@ impl<L: Eight> Motion<L> {
         } else {
             Self::midway(spin, turning, centres, with_wall, dt)
         };
-        let ahead = if particles.needs.ahead && dt > 0.0 {
+        let ahead = if M::FORESEES && particles.needs.ahead && dt > 0.0 {
             let (of_a, spin_a) = gains::<L>(particles, a);
             let (of_b, spin_b) = gains::<L>(particles, b);
             of_a.minus(of_b).plus(spin_a.cross(arm_a)).minus(spin_b.cross(arm_b))

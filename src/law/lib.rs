@@ -24,6 +24,7 @@ use dem_grains::{contact, ids, lanes, math, particles, population, shape};
 use crate::contact::curvature::Curvature;
 use crate::contact::{Geometry, Pair, Patch, Previous, StateColumn};
 use crate::ids::{MaterialId, ShapeId, Slot};
+use crate::kernel::{Law, Model};
 use crate::lanes::{Row, prefetch};
 use crate::math::{Vec3, Vec3AndNumber};
 use crate::particles::columns::Quantity;
@@ -440,15 +441,11 @@ pub struct Additions {
 
 impl Additions {
     /// The law of a model with these additions.
-    fn law<M: kernel::Model + Clone + 'static>(
-        self,
-        model: M,
-        library: &Library,
-    ) -> Box<dyn ForceLaw> {
+    fn law<M: Model + Clone + 'static>(self, model: M, library: &Library) -> Box<dyn ForceLaw> {
         let Self { turning, adhesion } = self;
         // One model with both compiles faster than one for each; an addition that is not used has zero constants.
         let (turning, adhesion) = match (turning, adhesion) {
-            (None, None) => return Box::new(kernel::Law::new(model, library)),
+            (None, None) => return Box::new(Law::new(model, library)),
             (Some(turning), None) => {
                 let adhesion = turning.map(|_| dmt::Constants::default());
                 (turning, adhesion)
@@ -457,7 +454,7 @@ impl Additions {
             (Some(turning), Some(adhesion)) => (turning, adhesion),
         };
         let model = dmt::Dmt::new(rolling::Rolling::new(model, turning, library), adhesion);
-        Box::new(kernel::Law::new(model, library))
+        Box::new(Law::new(model, library))
     }
 }
 
@@ -468,11 +465,18 @@ impl Choice {
     }
 
     fn with(&self, beside: Additions, library: &Library) -> Box<dyn ForceLaw> {
+        let is_alone = beside == Additions::default();
         match self {
-            Self::Linear(settings) => beside.law(settings.model(), library),
-            Self::Hertz(settings) => beside.law(settings.model(library), library),
+            Self::Linear(settings) if is_alone && !settings.dashpots.foreseen => {
+                Box::new(Law::new(settings.model::<false>(), library))
+            }
+            Self::Hertz(settings) if is_alone && !settings.dashpots.foreseen => {
+                Box::new(Law::new(settings.model::<false>(library), library))
+            }
+            Self::Linear(settings) => beside.law(settings.model::<true>(), library),
+            Self::Hertz(settings) => beside.law(settings.model::<true>(library), library),
             Self::With(forces, beside) => forces.with(beside.clone(), library),
-            Self::Jkr(settings) => Box::new(kernel::Law::new(settings.model(library), library)),
+            Self::Jkr(settings) => Box::new(Law::new(settings.model(library), library)),
         }
     }
 

@@ -354,6 +354,7 @@ impl<M: Model> Model for Rolling<M> {
 
     const MOMENTS: bool = true;
     const BY_CURVATURE: bool = M::BY_CURVATURE;
+    const FORESEES: bool = M::FORESEES;
     const FACES: bool = M::FACES;
 
     fn needs(&self) -> Needs {

@@ -71,7 +71,7 @@ fn reach(elastic: &super::Interactions, adhesion: &dmt::Interactions, radius: f6
 /// Elastic spheres that stick to each other.
 #[derive(Clone, Debug)]
 pub(crate) struct Jkr {
-    hertz: Hertz,
+    hertz: Hertz<true>,
     adhesion: dmt::Interactions,
     /// Largest gap of a contact between the spheres of the scene [m].
     reach: f64,
@@ -264,6 +264,7 @@ impl About for Jkr {
 impl Model for Jkr {
     type Constants<L: Lanes> = Constants<L>;
 
+    const FORESEES: bool = true;
     const FACES: bool = false;
     const TEARS: bool = true;
 
@@ -287,7 +288,7 @@ impl Model for Jkr {
     #[inline(always)]
     fn spread<L: Lanes>(of: &impl Spread<Constants<f64>, L>) -> Constants<L> {
         Constants {
-            elastic: Hertz::spread(&OfElastic(of)),
+            elastic: Hertz::<true>::spread(&OfElastic(of)),
             sticking: Sticking {
                 radius: of.of(|c| c.sticking.radius),
                 pull: of.of(|c| c.sticking.pull),
@@ -349,7 +350,7 @@ impl Model for Jkr {
         let mut press = sticking.press(elastic.normal, radius);
         if self.hertz.damped {
             let dashpot = elastic.dashpots[0] * radius.sqrt();
-            let last = self.hertz.settings.dashpots.last(state[width - 2]);
+            let last = self.hertz.settings.dashpots.last::<true, _>(state[width - 2]);
             press = contact.damped(press, (dashpot, 0.0), elastic.inverse_mass, last);
         }
         let (mut spring, mut rub, mut kept) = (zero, zero, Kept::all());

@@ -87,14 +87,14 @@ pub struct Settings {
 
 impl Settings {
     /// Hertzian contacts between bodies of a library.
-    pub(super) fn model(&self, library: &Library) -> Hertz {
+    pub(super) fn model<const FORESEES: bool>(&self, library: &Library) -> Hertz<FORESEES> {
         Hertz::new(self.clone(), library)
     }
 }
 
-/// Elastic bodies with dashpots and friction.
+/// Elastic bodies with dashpots and friction. Dashpots use predicted velocities only with `FORESEES`.
 #[derive(Clone, Debug)]
-pub(super) struct Hertz {
+pub(super) struct Hertz<const FORESEES: bool> {
     settings: Settings,
     /// Is there any dashpot?
     damped: bool,
@@ -185,7 +185,7 @@ impl<L: Lanes> Elastic<L> {
     }
 }
 
-impl Hertz {
+impl<const FORESEES: bool> Hertz<FORESEES> {
     fn new(settings: Settings, library: &Library) -> Self {
         let damped = settings.interactions.iter().any(|c| c.damping_ratio > 0.0);
         let frictional = settings.interactions.iter().any(|c| c.friction > 0.0);
@@ -250,7 +250,7 @@ impl Hertz {
         let mut force = elastic.normal * root * contact.overlap * contact.gain;
         if self.damped {
             let dashpot = elastic.dashpots[0] * root.sqrt();
-            let last = self.settings.dashpots.last(self.pressed(state));
+            let last = self.settings.dashpots.last::<FORESEES, _>(self.pressed(state));
             force = contact.damped(force, (dashpot, RISE), elastic.inverse_mass, last);
             if self.settings.dashpots.limited {
                 let zero = L::all(0.0);
@@ -287,7 +287,7 @@ impl Hertz {
         let (mut force, mut dashpot) = (spring, None);
         if self.damped {
             let of_plane = elastic.dashpots[1] * root.sqrt();
-            let last = self.settings.dashpots.last_in_plane(last_force, contact);
+            let last = self.settings.dashpots.last_in_plane::<FORESEES, _>(last_force, contact);
             let in_plane = InPlane::of(contact, (of_plane, RISE), elastic.inverse_mass, last);
             force = in_plane.beside(spring);
             dashpot = Some(in_plane);
@@ -296,7 +296,8 @@ impl Hertz {
         let kept = within_limit(force, limit, contact);
         let slides = kept.force.less(one);
         let last = carried.times(shrunk);
-        let limited = self.settings.dashpots.sliding((force, limit), last, &kept, contact);
+        let limited =
+            self.settings.dashpots.sliding::<FORESEES, _>((force, limit), last, &kept, contact);
         let mut elastic = limited;
         if let Some(dashpot) = dashpot {
             elastic = limited.minus(dashpot.part_of(limited));
@@ -361,7 +362,7 @@ fn hardest(constants: &Constants, size: f64, reduced_mass: f64) -> Hardest {
     Hardest { stiffness: normal.max(tangential), dashpots, turning: [0.0; 2] }
 }
 
-impl About for Hertz {
+impl<const FORESEES: bool> About for Hertz<FORESEES> {
     fn name(&self) -> &'static str {
         if self.frictional { "hertz-mindlin" } else { "hertz" }
     }
@@ -413,13 +414,14 @@ impl About for Hertz {
     }
 }
 
-impl Model for Hertz {
+impl<const FORESEES: bool> Model for Hertz<FORESEES> {
     type Constants<L: Lanes> = Elastic<L>;
 
     const BY_CURVATURE: bool = true;
+    const FORESEES: bool = FORESEES;
 
     fn needs(&self) -> Needs {
-        let velocity = self.frictional || self.damped;
+        let velocity = self.frictional || self.damped || self.settings.dashpots.foreseen;
         Needs {
             velocity,
             spin: self.frictional,

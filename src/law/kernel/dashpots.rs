@@ -26,24 +26,24 @@ const IN_PLANE: f64 = 3.5;
 impl Dashpots {
     /// The last force, if velocities are predicted.
     #[inline(always)]
-    pub(in super::super) fn last<L: Lanes>(self, force: L) -> Option<L> {
-        if self.foreseen { Some(force) } else { None }
+    pub(in super::super) fn last<const MAY: bool, L: Lanes>(self, force: L) -> Option<L> {
+        if MAY && self.foreseen { Some(force) } else { None }
     }
 
     /// The last tangential force with this elastic part [N], if velocities are predicted.
     #[inline(always)]
-    pub(in super::super) fn last_in_plane<L: Lanes>(
+    pub(in super::super) fn last_in_plane<const MAY: bool, L: Lanes>(
         self,
         elastic: Triple<L>,
         contact: &Contact<L>,
     ) -> Option<Triple<L>> {
-        if self.foreseen { Some(elastic.plus(contact.last_viscous)) } else { None }
+        if MAY && self.foreseen { Some(elastic.plus(contact.last_viscous)) } else { None }
     }
 
     /// Tangential force [N] of sliding contacts, whose force would be `force` without a limit [N]. `carried` is the last
     /// elastic part in the present plane [N].
     #[inline(always)]
-    pub(in super::super) fn sliding<L: Lanes>(
+    pub(in super::super) fn sliding<const MAY: bool, L: Lanes>(
         self,
         (force, limit): (Triple<L>, L),
         carried: Triple<L>,
@@ -52,7 +52,7 @@ impl Dashpots {
     ) -> Triple<L> {
         let limited = force.times(kept.force);
         let slides = kept.force.less(L::all(1.0));
-        if !self.foreseen || slides == 0 || contact.extended {
+        if !MAY || !self.foreseen || slides == 0 || contact.extended {
             return limited;
         }
         let last = carried.plus(super::carried(contact.last_viscous, contact));

@@ -381,7 +381,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let WithoutPatch { at, point, now, last, before } = self.read_picked(places, state);
         let arms = self.arms_at::<L>([a, b], point, before.point, MOVES || with_walls);
         let mut motion = if MOVES {
-            super::Motion::of(particles, [a, b], arms.now, arms.last, dt)
+            super::Motion::of::<M>(particles, [a, b], arms.now, arms.last, dt)
         } else {
             super::Motion::none()
         };
@@ -390,7 +390,7 @@ impl<M: Model> Contacts<'_, '_, M> {
 
         let mut contact = motion.contact(&last, &now, dt).timed(zero);
         let last_acting = law.model.last(&constants, last.overlap, state);
-        if law.needs.ahead && law.needs.tangential_dashpots {
+        if M::FORESEES && law.needs.ahead && law.needs.tangential_dashpots {
             contact.last_viscous = before.viscous(last.normal, last_acting.rub);
         }
         let turned_before =

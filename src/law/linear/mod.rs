@@ -40,14 +40,14 @@ pub struct Settings {
 
 impl Settings {
     /// Linear springs and dashpots with friction.
-    pub(super) fn model(&self) -> Linear {
+    pub(super) fn model<const FORESEES: bool>(&self) -> Linear<FORESEES> {
         Linear::new(self.interactions.clone(), self.dashpots)
     }
 }
 
-/// The linear spring and dashpot with Coulomb friction.
+/// The linear spring and dashpot with Coulomb friction. Dashpots use predicted velocities only with `FORESEES`.
 #[derive(Clone, Debug)]
-pub(crate) struct Linear {
+pub(crate) struct Linear<const FORESEES: bool> {
     interactions: Interactions,
     dashpots: Dashpots,
     /// Is there any dashpot?
@@ -62,7 +62,7 @@ const SPRING: StateColumn = StateColumn::new("spring", 3, "m");
 /// Normal force of the last touch, if there are dashpots. Without them it follows from the overlap.
 const NORMAL_FORCE: StateColumn = StateColumn::new("normal_force", 1, "N");
 
-impl Linear {
+impl<const FORESEES: bool> Linear<FORESEES> {
     /// Model with these constants.
     pub(crate) fn new(interactions: Interactions, dashpots: Dashpots) -> Self {
         let damped = interactions
@@ -116,13 +116,13 @@ impl<L: Lanes> Springs<L> {
     }
 }
 
-impl Linear {
+impl<const FORESEES: bool> Linear<FORESEES> {
     /// Normal force of spring and dashpot [N].
     #[inline(always)]
     fn press<L: Lanes>(&self, springs: &Springs<L>, contact: &Contact<L>, state: &[L]) -> L {
         let mut force = springs.normal * contact.overlap * contact.gain;
         if self.damped {
-            let last = self.dashpots.last(state[state.len() - 1]);
+            let last = self.dashpots.last::<FORESEES, _>(state[state.len() - 1]);
             force = contact.damped(force, (springs.dashpots[0], 0.0), springs.inverse_mass, last);
             if self.dashpots.limited {
                 let zero = L::all(0.0);
@@ -150,7 +150,7 @@ impl Linear {
         let mut dashpot = None;
         if self.damped {
             let elastic = last.times(springs.tangential);
-            let last = self.dashpots.last_in_plane(elastic, contact);
+            let last = self.dashpots.last_in_plane::<FORESEES, _>(elastic, contact);
             let in_plane =
                 InPlane::of(contact, (springs.dashpots[1], 0.0), springs.inverse_mass, last);
             force = in_plane.beside(force);
@@ -160,7 +160,7 @@ impl Linear {
         let kept = within_limit(force, limit, contact);
         let slides = kept.force.less(L::all(1.0));
         let elastic = carried.times(springs.tangential);
-        let limited = self.dashpots.sliding((force, limit), elastic, &kept, contact);
+        let limited = self.dashpots.sliding::<FORESEES, _>((force, limit), elastic, &kept, contact);
         let mut elastic = limited;
         if let Some(dashpot) = dashpot {
             elastic = limited.minus(dashpot.part_of(limited));
@@ -173,7 +173,7 @@ impl Linear {
     }
 }
 
-impl About for Linear {
+impl<const FORESEES: bool> About for Linear<FORESEES> {
     fn name(&self) -> &'static str {
         "linear"
     }
@@ -213,13 +213,15 @@ impl About for Linear {
     }
 }
 
-impl Model for Linear {
+impl<const FORESEES: bool> Model for Linear<FORESEES> {
     type Constants<L: Lanes> = Springs<L>;
+
+    const FORESEES: bool = FORESEES;
 
     fn needs(&self) -> Needs {
         let dashpot = self.interactions.iter().any(|c| c.normal_damping_ratio > 0.0);
         Needs {
-            velocity: self.frictional || dashpot,
+            velocity: self.frictional || dashpot || self.dashpots.foreseen,
             spin: self.frictional,
             ahead: self.damped && self.dashpots.foreseen,
             friction: self.frictional,
