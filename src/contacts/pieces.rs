@@ -207,9 +207,10 @@ pub(super) fn likeness(
     (is_of_both && likeness > FRAC_1_SQRT_2).then_some(likeness)
 }
 
-/// Share of the masses of its bodies for each contact of a stretch; 1 if the bodies touch in one place. It is one over
-/// `Σ g_j min(1, δ_j / δ) max(0, n_j·n)²` over the contacts of both bodies, with the gains `g_j` of round ones. Empty
-/// without pieces.
+/// Share of the masses of its bodies for each contact of a stretch; 1 if the bodies touch in one place. It is `g²` over
+/// `Σ g_j² min(1, δ_j / δ) max(0, n_j·n)²` over the contacts of both bodies, with the gains `g` of round ones: among
+/// coincident ones the stiffness of each is `g²` of that of a single one ([`share_depth`]), and its dashpot `g`. Empty without
+/// pieces.
 pub(super) fn shares(
     (pairs, geometry, patches): (&[Pair], &[Geometry], &[Patch]),
     particles: &Particles,
@@ -220,16 +221,19 @@ pub(super) fn shares(
         return;
     }
     shares.resize(pairs.len(), 1.0);
-    let gain = |row: usize| if have_faces(pairs[row], particles) { 1.0 } else { patches[row].gain };
+    let part = |row: usize| {
+        let is_faced = have_faces(pairs[row], particles);
+        if is_faced { 1.0 } else { patches[row].gain * patches[row].gain }
+    };
     for rows in by_bodies(pairs.iter().copied().enumerate(), particles) {
         for &row in &rows {
             let own = &geometry[row];
             let like = |&other: &usize| {
                 let Geometry { normal, overlap } = &geometry[other];
                 let cosine = normal.dot(&own.normal).max(0.0);
-                gain(other) * (overlap / own.overlap).clamp(0.0, 1.0) * cosine * cosine
+                part(other) * (overlap / own.overlap).clamp(0.0, 1.0) * cosine * cosine
             };
-            shares[row] = 1.0 / rows.iter().map(like).sum::<f64>().max(1.0);
+            shares[row] = part(row) / rows.iter().map(like).sum::<f64>().max(1.0);
         }
     }
 }

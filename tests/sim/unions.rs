@@ -25,16 +25,17 @@ fn of_pieces(piece: &str, places: &[[f64; 3]], rest: &str) -> String {
 }
 
 /// Bodies that land on one to four feet at once, and flat on faces. Each foot has its spring, and the body has the requested restitution.
-/// Blocks in steps of 1/100 of the contact deviate by the time step's error of the dashpots.
+/// Feet that overlap press nearly as one, with the requested restitution, too. Blocks in steps of 1/100 of the contact deviate by the time step's error of the dashpots.
 #[test]
 fn bodies_bounce_alike_on_any_number_of_feet() {
-    let apart = 0.022;
-    let feet = [
-        vec![[0.0; 3]],
-        vec![[0.0; 3], [apart, 0.0, 0.0]],
-        vec![[0.0; 3], [apart, 0.0, 0.0], [2.0 * apart, 0.0, 0.0]],
-        vec![[0.0; 3], [apart, 0.0, 0.0], [0.0, apart, 0.0], [apart, apart, 0.0]],
-    ];
+    let feet = |apart: f64| {
+        [
+            vec![[0.0; 3]],
+            vec![[0.0; 3], [apart, 0.0, 0.0]],
+            vec![[0.0; 3], [apart, 0.0, 0.0], [2.0 * apart, 0.0, 0.0]],
+            vec![[0.0; 3], [apart, 0.0, 0.0], [0.0, apart, 0.0], [apart, apart, 0.0]],
+        ]
+    };
     let blocks = vec![[0.0; 3], [0.02, 0.0, 0.0], [0.0, 0.02, 0.0]];
     for restitution in [0.9, 0.5, 0.2] {
         let rest = format!(
@@ -54,9 +55,15 @@ fn bodies_bounce_alike_on_any_number_of_feet() {
         };
         let single = rebound(BALL);
         close(single, restitution, 6e-3, "a ball");
-        for places in &feet {
+        for places in &feet(0.022) {
             let found = rebound(&of_pieces(BALL, places, ""));
             close(found, single, 1e-9, &format!("on {} feet", places.len()));
+        }
+        for apart in [0.005, 0.01, 0.015] {
+            for places in &feet(apart) {
+                let found = rebound(&of_pieces(BALL, places, ""));
+                close(found, single, 6e-3, &format!("on {} feet {apart} m apart", places.len()));
+            }
         }
         let single = rebound(CUBE);
         close(single, restitution, 6e-3, "a block");
