@@ -420,8 +420,7 @@ impl Totals {
         self.add(SumIndex::Stored, law.stored(pair, particles, geometry, state));
         self.add(SumIndex::ContactForce, force.norm());
         if self.stresses.is_some() {
-            let whole = Pair { a: particles.body_of(a), b: particles.body_of(b) };
-            let branch = particles.bodies().relative(whole);
+            let branch = particles.bodies().relative(particles.bodies_of(pair));
             self.add_stress(0, |i, j| force[i] * branch[j]);
         }
         let overlap = geometry.overlap / shortest_axis(particles, a, b);

@@ -7,6 +7,7 @@
 mod passing;
 mod pieces;
 mod surfaces;
+mod visiting;
 
 use crate::contact::curvature::{self, Curvature};
 use crate::contact::{
@@ -21,6 +22,7 @@ use crate::math::Vec3;
 use crate::particles::{Needs, Particles, held};
 use crate::search::{PairList, in_order};
 use std::collections::HashMap;
+pub use visiting::{Visited, Visitor};
 
 /// Bytes of a contact in the columns that every scene needs: bodies, number, geometry, force.
 pub const CONTACT_COLUMNS: usize =
@@ -566,15 +568,6 @@ impl Contacts {
         self.stretches.iter().flat_map(move |columns| columns.loaded(law, particles))
     }
 
-    /// Contacts whose forces have been found, with the force of A on B [N], in the order of [`Self::loaded`].
-    pub fn acting(&self) -> impl Iterator<Item = (Pair, &Geometry, &Vec3)> {
-        self.stretches.iter().flat_map(|columns| {
-            let Columns { pairs, geometry, forces, .. } = columns;
-            let rows = pairs.iter().copied().zip(geometry).zip(forces);
-            rows.map(|((pair, geometry), force)| (pair, geometry, force))
-        })
-    }
-
     /// Contacts with walls: bodies, geometry and normal force [N]. Also known after a restart, before any force has been
     /// found.
     pub fn pressing_on_walls<'a>(
@@ -608,9 +601,16 @@ impl Contacts {
         columns.flat_map(|columns| columns.pairs.iter().copied().zip(&columns.geometry))
     }
 
-    /// Forces of A on B [N].
+    /// Forces of A on B [N], once they have been found.
     pub fn forces(&self) -> impl Iterator<Item = (Pair, &Vec3)> {
-        self.acting().map(|(pair, _, force)| (pair, force))
+        self.stretches.iter().flat_map(|columns| columns.pairs.iter().copied().zip(&columns.forces))
+    }
+
+    /// Lets a visitor see all contacts whose forces have been found, in the order of [`Self::loaded`].
+    pub fn visit(&self, particles: &Particles, visitor: &mut impl Visitor) {
+        for Columns { pairs, forces, .. } in &self.stretches {
+            visiting::visit((pairs, forces), particles, visitor);
+        }
     }
 
     /// Stretches of contacts with walls, which are separate from the others.

@@ -10,7 +10,7 @@
 //! upright box of the sides `H_xx`, `H_yy`, `H_zz`, which holds one image of each. In each step, whole edges are added or subtracted so that
 //! the tilts of the edges are at most half of a side. This choice follows from `H` alone and is therefore the same on every rank.
 
-use crate::lanes::{Eight, Triple};
+use crate::lanes::{Eight, Lanes, Triple};
 use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -105,7 +105,7 @@ impl Carried {
     /// Nearest images of differences between two places [m].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
-    fn nearest_of<L: Eight>(&self, mut r: Triple<L>) -> Triple<L> {
+    fn nearest_of<L: Lanes>(&self, mut r: Triple<L>) -> Triple<L> {
         // The parts of the other edges along the first may add up to a whole one.
         for axis in [2, 1, 0, 0] {
             let edge = self.chosen.column(axis);
@@ -123,7 +123,7 @@ impl Carried {
     /// Difference of the flow velocity half a step ago [m/s], for differences in place [m] and `parting` velocities relative to the flow [m/s].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
-    fn faster_midway<L: Eight>(&self, r: Triple<L>, parting: Triple<L>) -> Triple<L> {
+    fn faster_midway<L: Lanes>(&self, r: Triple<L>, parting: Triple<L>) -> Triple<L> {
         let now = upper_of(&self.last_rate, r);
         now.minus(upper_of(&self.last_rate, now.plus(parting)).times(L::all(self.half)))
     }
@@ -147,7 +147,7 @@ fn upper(m: &Mat3, r: &Vec3) -> Vec3 {
 /// [`upper`] in lanes.
 #[expect(clippy::inline_always, reason = "see `lanes`")]
 #[inline(always)]
-fn upper_of<L: Eight>(m: &Mat3, r: Triple<L>) -> Triple<L> {
+fn upper_of<L: Lanes>(m: &Mat3, r: Triple<L>) -> Triple<L> {
     Triple {
         x: L::all(m.m11) * r.x + L::all(m.m12) * r.y + L::all(m.m13) * r.z,
         y: L::all(m.m22) * r.y + L::all(m.m23) * r.z,
@@ -680,21 +680,29 @@ impl Cell {
 
     /// Work of a force [N] on the image that [`Cell::nearest`] takes for a difference of two places [m], in the last step and
     /// ahead, for these times [s].
-    pub fn work_on_nearest(&self, difference: &Vec3, force: &Vec3, times: [f64; 2]) -> f64 {
-        let [before, ahead] = times;
-        if let Images::Carried(Carried { strained, last_rate, .. }) = &self.images {
-            let nearest = self.nearest(*difference);
-            let [then, soon] = [last_rate, &strained.rate].map(|rate| upper(rate, &nearest));
-            return before * force.dot(&then) + ahead * force.dot(&soon);
+    #[expect(clippy::inline_always, reason = "see `lanes`")]
+    #[inline(always)]
+    pub fn work_on_nearest<L: Lanes>(
+        &self,
+        difference: Triple<L>,
+        force: Triple<L>,
+        [before, ahead]: [f64; 2],
+    ) -> L {
+        let [before, ahead] = [L::all(before), L::all(ahead)];
+        if let Images::Carried(carried) = &self.images {
+            let nearest = carried.nearest_of(difference);
+            let then = upper_of(&carried.last_rate, nearest);
+            let soon = upper_of(&carried.strained.rate, nearest);
+            return before * force.dot(then) + ahead * force.dot(soon);
         }
-        let power = force.dot(&self.velocity_of_nearest(difference));
+        let power = force.dot(self.velocity_of_nearest_in_lanes(difference, Triple::zero()));
         before * power + ahead * power
     }
 
     /// [`Self::velocity_of_nearest_midway`] in lanes, for differences in position [m] and velocity [m/s].
     #[expect(clippy::inline_always, reason = "see `lanes`")]
     #[inline(always)]
-    pub fn velocity_of_nearest_in_lanes<L: Eight>(
+    pub fn velocity_of_nearest_in_lanes<L: Lanes>(
         &self,
         difference: Triple<L>,
         parting: Triple<L>,

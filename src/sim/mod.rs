@@ -4,6 +4,7 @@ pub mod audit;
 pub mod capture;
 pub mod floor;
 mod history;
+mod images;
 mod leavers;
 pub mod report;
 pub mod run;
@@ -32,6 +33,7 @@ use crate::particles::records::Particle;
 use crate::search::{self, PairList};
 use crate::timing::{Clock, Phase};
 use audit::Auditor;
+use images::WorkOfImages;
 use std::collections::BTreeSet;
 use watch::{Fault, Watch};
 
@@ -671,17 +673,14 @@ impl Simulation {
         if !self.particles.cell.moves_now() {
             return;
         }
-        let particles = &mut self.particles;
-        // Terms of a body come in the spatial order of its partners.
-        for (pair, force) in self.contacts.forces() {
-            let share = -0.5 * particles.work_on_image(pair, force, [before, ahead]);
-            if share != 0.0 {
-                let bodies = [pair.a, pair.b].map(|slot| particles.body_of(slot).index());
-                for slot in bodies.into_iter().filter(|slot| *slot < particles.owned) {
-                    particles.accumulated[Quantity::Received][slot] += share;
-                }
-            }
-        }
+        let mut received = std::mem::take(&mut self.particles.accumulated[Quantity::Received]);
+        let particles = &self.particles;
+        let times = [before, ahead];
+        self.contacts.visit(
+            particles,
+            &mut WorkOfImages { particles, times, received: &mut received[..particles.owned] },
+        );
+        self.particles.accumulated[Quantity::Received] = received;
     }
 
     /// Counts as received the energy of the contacts at the start, for each particle in the order of its partners' ids.

@@ -21,7 +21,7 @@ use crate::comm::Comm;
 use crate::math::{ExactSum, Mat3, Vec3};
 use crate::measure::COMPONENTS;
 use crate::walls::Wall;
-use whole::Whole;
+use whole::{Slowly, Whole, components};
 
 /// Number of steps between two sums of the stiffness.
 const STIFFNESS_EVERY: u64 = 16;
@@ -40,7 +40,7 @@ pub struct Element {
     has_begun: bool,
     /// Sums of this rank at the present positions; empty without targets.
     sums: Vec<ExactSum>,
-    /// Quantum of the next sums of stress times volume [J], see [`Whole`]; 0 if it is unknown.
+    /// Quantum of the next sums of stress times volume [J], see `whole.rs`; 0 if it is unknown.
     quantum: f64,
     warnings: Vec<String>,
     /// Is a target still ramping?
@@ -171,7 +171,7 @@ impl Drive for Element {
             let volume = steering.cell.volume();
             let sums = ExactSum::values(steering.sums);
             let (stress, moduli) = sums.split_at(COMPONENTS.len());
-            self.quantum = Whole::quantum(stress[..3].iter().map(|x| x.abs()).sum());
+            self.quantum = whole::quantum(stress[..3].iter().map(|x| x.abs()).sum());
             pressed.stress = std::array::from_fn(|k| stress[k] / volume);
             pressed.moduli = Vec3::from_column_slice(moduli) / volume;
         }
@@ -194,28 +194,31 @@ impl Observer for Element {
             moment.step.is_multiple_of(STIFFNESS_EVERY) || self.control.targets().any(is_unknown);
         self.sums.fill(ExactSum::default());
         let (stress, moduli) = self.sums.split_at_mut(COMPONENTS.len());
-        let mut whole = Whole::of(self.quantum);
-        for (pair, geometry, force) in contacts.acting() {
-            if pair.a.index() >= particles.owned {
-                continue;
+        let of_motion = |slot: usize| {
+            let (mass, velocity): (f64, [f64; 3]) =
+                (particles.mass(slot), particles.velocity[slot].into());
+            components(velocity.map(|component| mass * component), velocity)
+        };
+        let mut whole = Whole::of(self.quantum, particles);
+        contacts.visit(particles, &mut whole);
+        (0..particles.owned).for_each(|slot| whole.add(of_motion(slot)));
+        let branch = |pair| particles.bodies().relative(particles.bodies_of(pair));
+        if !whole.finish(stress) {
+            let mut slowly = Slowly::of(self.quantum);
+            for (pair, force) in contacts.forces().filter(|(pair, _)| particles.is_owned(pair.a)) {
+                slowly.add(components((*force).into(), branch(pair).into()), stress);
             }
-            let branch = particles.bodies().relative(pair);
-            let ([x, y, z], [u, v, w]): ([f64; 3], [f64; 3]) = ((*force).into(), branch.into());
-            let shear = [0.5 * (x * v + y * u), 0.5 * (x * w + z * u), 0.5 * (y * w + z * v)];
-            whole.add([x * u, y * v, z * w, shear[0], shear[1], shear[2]], stress);
-            if with_stiffness {
+            (0..particles.owned).for_each(|slot| slowly.add(of_motion(slot), stress));
+            slowly.finish(stress);
+        }
+        if with_stiffness {
+            for (pair, geometry) in contacts.iter().filter(|(pair, _)| particles.is_owned(pair.a)) {
                 let stiffness = law.stiffness(pair, particles, geometry, dt);
                 for (sum, along) in moduli.iter_mut().zip(&geometry.normal) {
-                    add(sum, stiffness * branch.norm_squared() * along * along);
+                    add(sum, stiffness * branch(pair).norm_squared() * along * along);
                 }
             }
         }
-        for slot in 0..particles.owned {
-            let (mass, [x, y, z]) = (particles.mass(slot), particles.velocity[slot].into());
-            let [u, v, w]: [f64; 3] = [mass * x, mass * y, mass * z];
-            whole.add([u * x, v * y, w * z, u * y, u * z, v * z], stress);
-        }
-        whole.finish(stress);
     }
 }
 

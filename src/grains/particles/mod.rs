@@ -15,6 +15,7 @@ pub mod records;
 use crate::cell::Cell;
 use crate::contact::{Bodies, Pair, Posed};
 use crate::ids::{GlobalId, MaterialId, ShapeId, Slot, Standing};
+use crate::lanes::Triple;
 use crate::math::{Quat, Vec3, Vec3AndNumber};
 use crate::population::Library;
 use crate::shape::{Form, Shape};
@@ -222,8 +223,10 @@ impl Particles {
 
     /// Work [J] of a force [N] through a contact, see [`Cell::work_on_nearest`]; times in s.
     pub fn work_on_image(&self, pair: Pair, force: &Vec3, times: [f64; 2]) -> f64 {
-        let [a, b] = [pair.a, pair.b].map(|slot| self.position[self.body_of(slot).index()]);
-        self.cell.work_on_nearest(&(b - a), force, times)
+        let Pair { a, b } = self.bodies_of(pair);
+        let way = self.position[b.index()] - self.position[a.index()];
+        let [way, force] = [&way, force].map(|v| Triple { x: v.x, y: v.y, z: v.z });
+        self.cell.work_on_nearest(way, force, times)
     }
 
     /// Bodies for contact resolution.

@@ -35,6 +35,12 @@ impl Particles {
         piece.and_then(|piece| self.pieces.body.get(piece)).map_or(slot, |&body| Slot(body))
     }
 
+    /// The bodies of a pair of pieces.
+    #[inline]
+    pub fn bodies_of(&self, Pair { a, b }: Pair) -> Pair {
+        Pair { a: self.body_of(a), b: self.body_of(b) }
+    }
+
     /// Whether the slot is an owned particle, or a piece of one.
     #[inline]
     pub fn is_owned(&self, slot: Slot) -> bool {
@@ -44,9 +50,7 @@ impl Particles {
     /// Whether two pairs have the same bodies.
     #[inline]
     pub fn have_same_bodies(&self, one: Pair, other: Pair) -> bool {
-        [(one.a, other.a), (one.b, other.b)]
-            .into_iter()
-            .all(|(one, other)| self.body_of(one) == self.body_of(other))
+        self.bodies_of(one) == self.bodies_of(other)
     }
 
     /// Appends the slots of pieces, after all owned particles and ghosts.
