@@ -48,6 +48,7 @@ pub mod plan;
 pub mod probe;
 mod reader;
 mod regions;
+mod rockable;
 mod room;
 mod scattered;
 pub mod schema;
