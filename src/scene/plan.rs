@@ -593,7 +593,7 @@ fn time(scene: &Scene, page: &mut Page) {
 /// Line with the expected run time, by the pace of its first steps on this number of ranks.
 pub fn run_time(scene: &Scene, workload: &Workload, pace: &Pace, ranks: u32) -> String {
     let mut page = Page(String::new());
-    if pace.steps > 0 && workload.all() > 0.0 {
+    if pace.particle_steps > 0.0 && workload.all() > 0.0 {
         let seconds = workload.all() * pace.seconds / pace.particle_steps;
         // A drum and a hopper took 4.6 and 3.3 times the time of free particles, settled spheres in a box 2.2 times.
         let is_loose = pace.coordination < 1.0;

@@ -10,7 +10,7 @@ use std::path::Path;
 use std::str::FromStr;
 
 /// Distance by which corners may be before a face, over the size of the body: digits of files.
-const DIGITS: f64 = 1e-6;
+const DIGITS: f64 = 1e-5;
 
 /// A body of a file, in its units.
 #[derive(Default)]
@@ -130,7 +130,7 @@ impl Body<'_> {
             let points = points.ok_or("a face has a corner that is not there")?;
             let Some(first) = points.first() else { continue };
             let pairs = points.windows(2).map(|pair| (pair[0] - first).cross(&(pair[1] - first)));
-            let Some(normal) = pairs.sum::<Vec3>().try_normalize(DIGITS * size * size) else {
+            let Some(normal) = pairs.sum::<Vec3>().try_normalize(1e-6 * size * size) else {
                 continue;
             };
             let heights = corners.iter().map(|corner| normal.dot(&(corner - first)));

@@ -90,6 +90,11 @@ fn bodies_of_rockable() {
         steiner(a * b * c, 2.0 * (a * b + b * c + c * a), 4.0 * (a + b + c) * PI / 2.0, 0.25);
     assert!((found / (exact * mm.powi(3)) - 1.0).abs() < 1e-13, "{found} {exact}");
 
+    // Files have six digits, with which corners of a face are not in one plane.
+    let rough = prism("brick", &BRICK, 3.0).replace("\n0.5 1 3e0\n", "\n0.5 1.00001 3e0\n");
+    let found = shape(&rough, "brick", "").unwrap().volume();
+    assert!((1e-7..1e-4).contains(&(found / exact - 1.0)), "{found} {exact}");
+
     // The only body of a file may have any name.
     let edge = tip * 2_f64.sqrt();
     let bend = PI - (-1.0 / 3.0_f64).acos();
