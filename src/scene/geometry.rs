@@ -161,11 +161,10 @@ fn with_its_radius(section: &Section, file: &Given, folder: &Path) -> Option<Sha
     }
     let scale = section.number_or("scale", 1.0)?;
     let name = section.get("name").as_ref().and_then(Given::text).unwrap_or_default();
-    let body =
-        rockable::body(&folder.join(file.text()?), name).and_then(|(radius, mut corners)| {
-            corners.iter_mut().for_each(|corner| *corner *= scale);
-            RoundedPolyhedron::new(&corners, radius * scale).map_err(|error| error.to_string())
-        });
+    let body = rockable::body(&folder.join(file.text()?), name).and_then(|(radius, corners)| {
+        let corners: Vec<Vec3> = corners.into_iter().map(|corner| corner * scale).collect();
+        RoundedPolyhedron::new(&corners, radius * scale).map_err(|error| error.to_string())
+    });
     let body = body.map_err(|error| file.fail(error)).ok()?;
     Some(Shape::RoundedPolyhedron(Box::new(body)))
 }

@@ -21,7 +21,9 @@ fn body(name: &str, radius: f64, corners: &[[f64; 3]], faces: &[&[usize]]) -> St
     edges.sort_unstable();
     edges.dedup();
     writeln!(text, "ne {}", edges.len()).unwrap();
-    edges.iter().for_each(|[a, b]| writeln!(text, "{a} {b}").unwrap());
+    for [a, b] in &edges {
+        writeln!(text, "{a} {b}").unwrap();
+    }
     writeln!(text, "nf {}", faces.len()).unwrap();
     for face in faces {
         let words: Vec<String> = face.iter().map(ToString::to_string).collect();
