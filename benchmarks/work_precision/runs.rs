@@ -297,6 +297,7 @@ pub(crate) fn ran(
         last_step: sim.step + scene.steps,
         ends_stage: true,
         snapshot_every: 0,
+        snapshot_every_minutes: None,
         history_every: 0,
         stop: scene.stop.clone(),
         out: out.to_owned(),

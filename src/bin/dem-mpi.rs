@@ -430,7 +430,7 @@ fn timed(
     let workload = workload(scene, &sim, steps, comm);
     let pace = run::pace(&mut sim, steps, comm);
     let pace = pace.map_err(|error| failed(&error, "", owned(&sim), false, comm))?;
-    print(comm, plan::run_time(&workload, &pace, comm.size()), 0);
+    print(comm, plan::run_time(scene, &workload, &pace, comm.size()), 0);
     Ok(())
 }
 
@@ -505,6 +505,7 @@ fn simulated(arguments: &Arguments, scene: &Scene, comm: &mut dyn Comm) -> Resul
         last_step,
         ends_stage: last_step == stage_end,
         snapshot_every: scene.snapshot_every,
+        snapshot_every_minutes: scene.snapshot_every_minutes,
         history_every: scene.history_every,
         // More steps were requested than [stop] leaves.
         stop: if is_over { Stop::default() } else { scene.stop.clone() },
@@ -836,7 +837,8 @@ fn run(
     }
     let steps = schedule.last_step - sim.step;
     let workload = workload(scene, sim, steps, comm);
-    let mut display = Display::new(comm.is_root(), steps, workload);
+    let mut display =
+        Display::new(comm.is_root(), steps, workload, schedule.stop != Stop::default());
     let finish = run::run(sim, schedule, comm, &mut |progress| display.show(progress));
     let finish = finish.map_err(|error| {
         let before = before_fault(&error, sim.step, schedule, arguments);
@@ -950,6 +952,8 @@ struct Display {
     bar: Option<ProgressBar>,
     lines: bool,
     workload: Workload,
+    /// Words behind the time that is left.
+    unless: &'static str,
     begin: Instant,
     last_line: Instant,
     last_state: String,
@@ -967,11 +971,12 @@ fn time_left(workload: &Workload, part: f64, past: Duration) -> HumanDuration {
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
 impl Display {
-    fn new(is_root: bool, steps: u64, workload: Workload) -> Self {
+    fn new(is_root: bool, steps: u64, workload: Workload, may_stop: bool) -> Self {
+        let unless = if may_stop { " or less, by [stop]" } else { "" };
         let bar = (is_root && std::io::stderr().is_terminal()).then(|| {
             // The message is shortened if the terminal is narrow.
             let style =
-                "{elapsed} [{bar:12}] {percent} % of {len} steps, {rate}, {left} left; {wide_msg}";
+                "{elapsed} [{bar:12}] {percent} % of {len} steps, {rate}, {left}; {wide_msg}";
             let style = ProgressStyle::with_template(style)
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
             let rate = |state: &ProgressState, text: &mut dyn std::fmt::Write| {
@@ -981,7 +986,7 @@ impl Display {
             let left = move |state: &ProgressState, text: &mut dyn std::fmt::Write| {
                 let _ = write!(
                     text,
-                    "{}",
+                    "{} left{unless}",
                     time_left(&of_bar, state.fraction().into(), state.elapsed())
                 );
             };
@@ -991,7 +996,16 @@ impl Display {
         let lines = is_root && bar.is_none();
         let now = Instant::now();
         let last_state = String::new();
-        Self { bar, lines, workload, begin: now, last_line: now, last_state, unprinted: None }
+        Self {
+            bar,
+            lines,
+            workload,
+            unless,
+            begin: now,
+            last_line: now,
+            last_state,
+            unprinted: None,
+        }
     }
 
     fn show(&mut self, progress: &Progress) {
@@ -1031,7 +1045,8 @@ impl Display {
             } else {
                 let past = self.begin.elapsed();
                 let left = time_left(&self.workload, done as f64 / of as f64, past);
-                format!("{:.1} steps/s, {left} left", done as f64 / past.as_secs_f64())
+                let unless = self.unless;
+                format!("{:.1} steps/s, {left} left{unless}", done as f64 / past.as_secs_f64())
             };
             let percent = 100.0 * done as f64 / of as f64;
             print_error(format_args!(

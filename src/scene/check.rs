@@ -83,7 +83,8 @@ pub(super) fn scene(
     let Neighbours { skin, imbalance, order_every } = course.neighbours?;
     let (initial, rain) = grains.fills?;
     let Time { dt, own_step, steps, duration, allow_unstable } = course.time?;
-    let Output { directory: out, snapshot_every, history_every } = course.output?;
+    let Output { directory: out, snapshot_every, snapshot_every_minutes, history_every } =
+        course.output?;
     Some(Scene {
         title: general.title?,
         seed: general.seed?,
@@ -116,6 +117,7 @@ pub(super) fn scene(
         imbalance,
         order_every,
         snapshot_every,
+        snapshot_every_minutes,
         history_every,
         audit: course.audit?,
         out,
@@ -811,6 +813,7 @@ impl Limit {
 struct Output {
     directory: PathBuf,
     snapshot_every: u64,
+    snapshot_every_minutes: Option<f64>,
     history_every: u64,
 }
 
@@ -818,10 +821,12 @@ impl Output {
     fn read(section: &Section) -> Option<Self> {
         let directory = section.require("directory").and_then(|given| given.text());
         let snapshot_every = section.whole_or("snapshot_every", 0);
+        let snapshot_every_minutes = section.optional("snapshot_every_minutes", Given::number);
         let history_every = section.whole_or("history_every", 100);
         Some(Self {
             directory: directory?.into(),
             snapshot_every: snapshot_every?,
+            snapshot_every_minutes: snapshot_every_minutes?,
             history_every: history_every?,
         })
     }

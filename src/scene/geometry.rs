@@ -1,6 +1,7 @@
 //! Geometry of a shape, from the parsed file.
 
 use super::reader::{Given, Section};
+use super::rockable;
 use crate::math::Vec3;
 use crate::shape::hull::HullError;
 use crate::shape::polyhedron::corners_only;
@@ -141,11 +142,31 @@ fn polyhedron(section: &Section, folder: &Path) -> Option<Shape> {
 }
 
 fn rounded_polyhedron(section: &Section, folder: &Path) -> Option<Shape> {
+    let of_rockable =
+        |file: &Given| file.text().is_some_and(|f| mesh::has_ending(f.as_ref(), "shp"));
+    if let Some(file) = section.get("file").filter(of_rockable) {
+        return with_its_radius(section, &file, folder);
+    }
     let radius = section.number("radius");
     // Corners are checked for any radius.
     let rounded = |points: &[Vec3]| RoundedPolyhedron::new(points, radius.unwrap_or_default());
     let solid = solid(section, folder, rounded)?;
     radius.map(|_| Shape::RoundedPolyhedron(Box::new(solid)))
+}
+
+/// A rounded polyhedron from a file that has its radius.
+fn with_its_radius(section: &Section, file: &Given, folder: &Path) -> Option<Shape> {
+    for other in ["vertices", "edges", "radius"] {
+        section.refuse(other, "is in the `file`");
+    }
+    let scale = section.number_or("scale", 1.0)?;
+    let name = section.get("name").as_ref().and_then(Given::text).unwrap_or_default();
+    let body = rockable::body(&folder.join(file.text()?), name).and_then(|(radius, corners)| {
+        let corners: Vec<Vec3> = corners.into_iter().map(|corner| corner * scale).collect();
+        RoundedPolyhedron::new(&corners, radius * scale).map_err(|error| error.to_string())
+    });
+    let body = body.map_err(|error| file.fail(error)).ok()?;
+    Some(Shape::RoundedPolyhedron(Box::new(body)))
 }
 
 /// Corners of a box with edges of these lengths along x, y and z, about the origin [m].

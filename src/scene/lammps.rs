@@ -76,45 +76,64 @@ fn sections(text: &str) -> Found<(Option<usize>, Vec<Section<'_>>, Option<Bounds
             sides.note(line, cells)?;
         }
     }
-    Ok((count, sections, sides.bounds()))
+    Ok((count, sections, sides.bounds()?))
 }
 
 /// Sides of the box of a data file [m].
 #[derive(Default)]
 struct Sides {
     ends: [Option<[f64; 2]>; 3],
-    /// Tilts xy, xz and yz.
-    tilts: [f64; 3],
+    /// Tilts xy, xz and yz, which are not all 0, and their line.
+    tilts: Option<(usize, [f64; 3])>,
 }
+
+/// Names of the ends of a side.
+const ENDS: [[&str; 2]; 3] = [["xlo", "xhi"], ["ylo", "yhi"], ["zlo", "zhi"]];
 
 impl Sides {
     /// `-1 1 xlo xhi` or `0.1 0 0 xy xz yz`; other lines mean nothing here.
     fn note(&mut self, line: usize, cells: &str) -> Found<()> {
-        let numbers = |words: &str| -> Found<Vec<f64>> {
-            let all: Result<_, _> = words.split_whitespace().map(number).collect();
+        let words: Vec<&str> = cells.split_whitespace().collect();
+        let numbers = |words: &[&str]| -> Found<Vec<f64>> {
+            let all: Result<_, _> = words.iter().copied().map(number).collect();
             all.or_else(|what| wrong(line, what))
         };
-        if let Some(words) = cells.strip_suffix("xy xz yz") {
-            let Ok(tilts) = numbers(words)?.try_into() else {
+        if let Some(tilts) = words.strip_suffix(&["xy", "xz", "yz"]) {
+            let Ok(tilts) = numbers(tilts)?.try_into() else {
                 return wrong(line, "the tilts of a box are three numbers");
             };
-            self.tilts = tilts;
+            self.tilts = (tilts != [0.0; 3]).then_some((line, tilts));
         }
-        for (ends, name) in self.ends.iter_mut().zip(["xlo xhi", "ylo yhi", "zlo zhi"]) {
-            if let Some(words) = cells.strip_suffix(name) {
-                *ends = numbers(words)?.try_into().ok();
+        for (ends, names) in self.ends.iter_mut().zip(ENDS) {
+            let Some(words) = words.strip_suffix(&names) else { continue };
+            if let [low, high] = numbers(words)?[..]
+                && low < high
+            {
+                *ends = Some([low, high]);
+            } else {
+                let [low, high] = names;
+                let what = format!(
+                    "`{}` is not a side of the box: write `low high {low} {high}` with low below high",
+                    shown(cells)
+                );
+                return wrong(line, what);
             }
         }
         Ok(())
     }
 
     /// A tilted box; positions in others are taken as they are.
-    fn bounds(&self) -> Option<Bounds> {
-        let [Some([x, right]), Some([y, back]), Some([z, top])] = self.ends else { return None };
-        let [xy, xz, yz] = self.tilts;
+    fn bounds(&self) -> Found<Option<Bounds>> {
+        let Some((line, [xy, xz, yz])) = self.tilts else { return Ok(None) };
+        let [Some([x, right]), Some([y, back]), Some([z, top])] = self.ends else {
+            let what = format!(
+                "the box has the tilts {xy}, {xz}, {yz} and not all of its sides: write `low high xlo xhi`, and so for \
+                 y and z, above it"
+            );
+            return wrong(line, what);
+        };
         let edges = Mat3::new(right - x, xy, xz, 0.0, back - y, yz, 0.0, 0.0, top - z);
-        let is_tilted = self.tilts != [0.0; 3];
-        is_tilted.then_some(Bounds { low: Vec3::new(x, y, z), edges, periodic: [true; 3] })
+        Ok(Some(Bounds { low: Vec3::new(x, y, z), edges, periodic: [true; 3] }))
     }
 }
 

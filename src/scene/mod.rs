@@ -48,6 +48,7 @@ pub mod plan;
 pub mod probe;
 mod reader;
 mod regions;
+mod rockable;
 mod room;
 mod scattered;
 pub mod schema;
@@ -168,6 +169,8 @@ pub struct Scene {
     pub order_every: u64,
     /// Steps between snapshots; 0: only at the start and the end.
     pub snapshot_every: u64,
+    /// Wall clock between snapshots, at most [min]; `None`: by steps alone.
+    pub snapshot_every_minutes: Option<f64>,
     /// Steps between rows of `history.csv`; 0: only at the end.
     pub history_every: u64,
     /// Settings of the audit of contacts.

@@ -16,7 +16,8 @@ use crate::drive::ledger::Ledger;
 use crate::drive::rain::{LOOKED_AT, Within};
 use crate::ids::{MaterialId, ShapeId};
 use crate::math::{ExactSum, Vec3};
-use crate::output::snapshot::{contact_bytes, particle_bytes};
+use crate::output::header::Header;
+use crate::output::snapshot::{Reader, contact_bytes, particle_bytes};
 use crate::output::tables::PARTICLE_COLUMNS;
 use crate::shape::moments::Placement;
 use crate::shape::{Convex as _, Kind, Shape, Union};
@@ -86,7 +87,17 @@ impl Page {
 fn what_is_in(scene: &Scene, page: &mut Page) {
     page.section("In");
     if let Some(start) = &scene.start {
-        page.line("start", format!("the particles of {}", start.display()));
+        let place = start.display();
+        page.line(
+            "start",
+            Reader::open(start).map_or_else(
+                |_| format!("the particles of {place}"),
+                |held| {
+                    let (count, Header { step, time, .. }) = (held.particle_count(), held.header());
+                    format!("{count} particles of {place}, step {step}, {time:.6} s")
+                },
+            ),
+        );
     }
     for fill in &scene.initial {
         let how = match fill {
@@ -482,7 +493,7 @@ fn what_is_left_out(scene: &Scene, page: &mut Page) {
 
 fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     let needs = scene.needs();
-    let count = scene.particle_count();
+    let held = scene.start.as_ref().map(|start| Reader::open(start).map(|r| r.particle_count()));
     page.section("Memory and messages");
     page.line("owned particle", format!("{} bytes in columns", needs.column_bytes()));
     let remembered = scene.force_law();
@@ -514,25 +525,27 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     };
     page.line("halo width", format!("{reach:.4e} m, largest bounding diameter and skin{gap}"));
     let ranks_seen = format!("({})", counted(ranks, "rank"));
-    if count == 0 || scene.start.is_some() {
-        page.line("particles", format!("unknown until the start snapshot is read {ranks_seen}"));
-        return;
+    let mut count = scene.particle_count();
+    if let Some(held) = held {
+        count += held.unwrap_or_default() as u64;
+        page.line("particles", format!("{count} in all {ranks_seen}"));
+    } else {
+        let share = Share::estimate(scene, ranks, reach);
+        page.line(
+            "rank",
+            format!(
+                "about {:.0} owned and {:.0} ghost particles, {} neighbours {ranks_seen}",
+                share.owned, share.ghosts, share.neighbours,
+            ),
+        );
+        page.line(
+            "step",
+            format!(
+                "about {} sent by the busiest rank",
+                size(share.ghosts * 8.0 * needs.halo_values() as f64)
+            ),
+        );
     }
-    let share = Share::estimate(scene, ranks, reach);
-    page.line(
-        "rank",
-        format!(
-            "about {:.0} owned and {:.0} ghost particles, {} neighbours {ranks_seen}",
-            share.owned, share.ghosts, share.neighbours,
-        ),
-    );
-    page.line(
-        "step",
-        format!(
-            "about {} sent by the busiest rank",
-            size(share.ghosts * 8.0 * needs.halo_values() as f64)
-        ),
-    );
     let particles = count * particle_bytes(&scene.needs()) as u64;
     let contacts = count * CONTACTS_PER_PARTICLE * contact_bytes(scene.force_law().state()) as u64;
     // One at the start, the scheduled ones, and one at the end.
@@ -543,10 +556,12 @@ fn what_it_costs(scene: &Scene, ranks: u32, page: &mut Page) {
     page.line(
         "snapshot",
         format!(
-            "about {} of particles, {} of contacts; {snapshots} in all, about {}",
+            "about {} of particles, {} of contacts; {snapshots} in all, about {}{}",
             size(particles as f64),
             size(contacts as f64),
-            size((particles + contacts) as f64 * snapshots as f64)
+            size((particles + contacts) as f64 * snapshots as f64),
+            (scene.snapshot_every_minutes)
+                .map_or_else(String::new, |most| format!(", and more every {most} minutes"))
         ),
     );
 }
@@ -576,17 +591,17 @@ fn time(scene: &Scene, page: &mut Page) {
 }
 
 /// Line with the expected run time, by the pace of its first steps on this number of ranks.
-pub fn run_time(workload: &Workload, pace: &Pace, ranks: u32) -> String {
+pub fn run_time(scene: &Scene, workload: &Workload, pace: &Pace, ranks: u32) -> String {
     let mut page = Page(String::new());
-    if pace.steps > 0 && workload.all() > 0.0 {
+    if pace.particle_steps > 0.0 && workload.all() > 0.0 {
         let seconds = workload.all() * pace.seconds / pace.particle_steps;
         // A drum and a hopper took 4.6 and 3.3 times the time of free particles, settled spheres in a box 2.2 times.
         let is_loose = pace.coordination < 1.0;
-        let time = HumanDuration(Duration::from_secs_f64(seconds.min(1e15)));
+        let time = HumanDuration(Duration::from_secs_f64(seconds.clamp(1.0, 1e15)));
         page.line(
             "run time",
             format!(
-                "{} {time} on {} here, by {} steps of {:.2e} s; a particle has {:.1} contacts{}",
+                "{} {time} on {} here, by {} steps of {:.2e} s; a particle has {:.1} contacts{}{}",
                 if is_loose { "at least" } else { "about" },
                 counted(ranks, "rank"),
                 pace.steps,
@@ -596,7 +611,8 @@ pub fn run_time(workload: &Workload, pace: &Pace, ranks: u32) -> String {
                     ", and settled particles take two to five times as long"
                 } else {
                     ""
-                }
+                },
+                if scene.stop == Stop::default() { "" } else { ". [stop] may end it earlier" }
             ),
         );
     }

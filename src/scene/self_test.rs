@@ -174,6 +174,7 @@ fn crowd(folder: &Path, results: &mut Results, comm: &mut dyn Comm) -> Result<()
         last_step: STEPS,
         ends_stage: true,
         snapshot_every: 0,
+        snapshot_every_minutes: None,
         history_every: 100,
         stop: scene.stop.clone(),
         out: folder.to_owned(),

@@ -44,7 +44,7 @@ impl Scene {
     fn come_by(&self, step: u64) -> u64 {
         let rain = self.rain.iter().map(|rain| {
             let every = rain.interval(&self.gravity, &self.domain, self.dt).unwrap_or(rain.every);
-            rain.count.min((1 + step / every.max(1)).saturating_mul(rain.in_layer()))
+            rain.count.min(step.div_ceil(every.max(1)).saturating_mul(rain.in_layer()))
         });
         let seconds = step as f64 * self.dt;
         let inlets = self.inlets.iter().map(|inlet| inlet.expected(seconds, &self.library));

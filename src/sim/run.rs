@@ -37,6 +37,8 @@ pub struct Schedule {
     pub ends_stage: bool,
     /// Steps between snapshots; 0: only at the start of a stage and at the end.
     pub snapshot_every: u64,
+    /// Wall clock between snapshots, at most [min]; `None`: by steps alone.
+    pub snapshot_every_minutes: Option<f64>,
     /// Steps between rows of the history; 0: only at the end.
     pub history_every: u64,
     /// Conditions for an earlier end.
@@ -164,6 +166,7 @@ pub enum RunError {
 ///     last_step: 100,
 ///     ends_stage: false,
 ///     snapshot_every: 50,
+///     snapshot_every_minutes: None,
 ///     history_every: 10,
 ///     stop: scene.stop.clone(),
 ///     out: folder.path().into(),
@@ -210,20 +213,23 @@ pub fn run(
     sim.clock.lap(Phase::Output);
     let mut particle_steps = 0;
     let mut ending = Ending::LastStep;
-    let mut stop_check = StopCheck::new(sim.step);
+    let mut check = Check::new(sim.step);
     while sim.step < records.last_step {
         let stepped = sim.step(comm);
         stepped.map_err(|error| explain(error, sim, comm))?;
         particle_steps += sim.particles.owned as u64;
         sim.audit(comm);
 
-        let signal = stop_check.signal(sim.step, &schedule.signal, comm);
+        let (signal, is_late) = check.look(sim.step, schedule, records.saved, comm);
         let mut warnings: Vec<String> =
             sim.all_observers_mut().flat_map(Reporter::warnings).collect();
         ending = records.after_step(sim, &mut warnings, comm)?;
         let is_last = sim.step == records.last_step;
         if let Some(signal) = signal.filter(|_| !is_last && ending == Ending::LastStep) {
             ending = Ending::Signal(signal);
+        }
+        if is_late && !is_last && ending == Ending::LastStep {
+            records.save_off_schedule(sim, comm)?;
         }
         let trace: String = schedule.traced.iter().map(|&id| sim.trace(id, comm)).collect();
         progress(&Progress {
@@ -348,6 +354,8 @@ struct Records<'a> {
     measures: Option<Measures>,
     /// Snapshot, if one was written after the last step.
     snapshot: Option<PathBuf>,
+    /// Time of the last snapshot, or of the begin.
+    saved: Instant,
 }
 
 impl<'a> Records<'a> {
@@ -384,6 +392,7 @@ impl<'a> Records<'a> {
             largest_overlap: (0.0, sim.step),
             measures: None,
             snapshot: None,
+            saved: Instant::now(),
         })
     }
 
@@ -422,7 +431,7 @@ impl<'a> Records<'a> {
 
     /// Writes a snapshot, after the rows before it. Collective.
     fn save(
-        &self,
+        &mut self,
         sim: &Simulation,
         ending: Ending,
         measures: &Measures,
@@ -431,7 +440,16 @@ impl<'a> Records<'a> {
         let synced = self.sync();
         // The state is saved even if a table could not be written.
         let saved = save(sim, self.schedule, ending, measures, comm)?;
+        self.saved = Instant::now();
         synced.map_err(RunError::from).map(|()| saved)
+    }
+
+    /// Writes a snapshot that only the wall clock asks for, unless this step has one. Collective.
+    fn save_off_schedule(&mut self, sim: &Simulation, comm: &mut dyn Comm) -> Result<(), RunError> {
+        if self.snapshot.is_none() {
+            self.snapshot = Some(self.save(sim, Ending::LastStep, &sim.measure(comm), comm)?);
+        }
+        Ok(())
     }
 
     /// Records the state before the first step of a stage. Collective.
@@ -700,14 +718,14 @@ fn lost(step: u64, error: DomainError, sim: &Simulation, comm: &mut dyn Comm) ->
     RunError::Particle { step, error, particle }
 }
 
-/// Regular check for signals on any rank: a reduction every [`StopCheck::SECONDS`], not every step.
-struct StopCheck {
+/// Regular check for signals on any rank and of the wall clock: a reduction every [`Check::SECONDS`], not every step.
+struct Check {
     next: u64,
     last: u64,
     looked: Instant,
 }
 
-impl StopCheck {
+impl Check {
     /// Longest delay of a signal, beyond the present step [s].
     const SECONDS: f64 = 0.2;
 
@@ -715,20 +733,30 @@ impl StopCheck {
         Self { next: step + 1, last: step, looked: Instant::now() }
     }
 
-    /// Number of the signal. Collective at steps on which all ranks agree.
-    fn signal(&mut self, step: u64, stop: &AtomicUsize, comm: &mut dyn Comm) -> Option<usize> {
+    /// Number of the signal, and whether a snapshot is due by the wall clock, after the last one at `saved`. Collective at
+    /// steps on which all ranks agree.
+    fn look(
+        &mut self,
+        step: u64,
+        schedule: &Schedule,
+        saved: Instant,
+        comm: &mut dyn Comm,
+    ) -> (Option<usize>, bool) {
         if step < self.next {
-            return None;
+            return (None, false);
         }
         let steps = step - self.last;
         let seconds_per_step = self.looked.elapsed().as_secs_f64() / steps as f64;
-        let mut common = [stop.load(Ordering::Relaxed) as f64, seconds_per_step];
+        let signal = schedule.signal.load(Ordering::Relaxed) as f64;
+        let minutes = saved.elapsed().as_secs_f64() / 60.0;
+        let is_late = schedule.snapshot_every_minutes.is_some_and(|most| minutes >= most);
+        let mut common = [signal, seconds_per_step, f64::from(is_late)];
         comm.max(&mut common);
-        let [signal, slowest] = common;
+        let [signal, slowest, late] = common;
         // At most twice as many steps as before, because they may become slower.
         let steps = ((Self::SECONDS / slowest) as u64).clamp(1, 2 * steps);
         *self = Self { next: step + steps, last: step, looked: Instant::now() };
-        (signal > 0.0).then_some(signal as usize)
+        ((signal > 0.0).then_some(signal as usize), late > 0.0)
     }
 }
 

@@ -6,8 +6,10 @@ use dem_mpi::drive::rain::of_layer;
 use dem_mpi::math::Vec3;
 use dem_mpi::scene::Scene;
 use dem_mpi::scene::doubts::doubts;
-use dem_mpi::scene::plan::plan;
+use dem_mpi::scene::plan::{plan, run_time};
+use dem_mpi::scene::workload::Workload;
 use dem_mpi::sim::Simulation;
+use dem_mpi::sim::run::Pace;
 
 /// A pipe on a plane, and balls of many sizes that rain into it.
 const PIPE: &str = r#"
@@ -119,6 +121,20 @@ fn rain_fills_a_pipe() {
         assert!(axis(&place) < 0.008 - 0.6 * radius && place.z > 0.02 + 0.6 * radius, "{place}");
     }
     assert!(sim.drives[0].standing().unfinished.is_none() && sim.drives[0].warnings().is_empty());
+}
+
+/// Grains of a single layer count from the first step on, so that the plan tells a time, and half of the steps are half of it.
+#[test]
+fn one_layer_of_rain_takes_time() {
+    let scene = scene(&PIPE.replace("count = 100", "count = 10"));
+    let workload = Workload::new(&scene, 0, 0, scene.steps);
+    assert_eq!(workload.all(), (10 * scene.steps) as f64);
+    assert_eq!(workload.left(0.5), 1.0);
+    let pace = Pace { steps: 9, particle_steps: 90.0, coordination: 0.0, seconds: 0.9 };
+    assert!(run_time(&scene, &workload, &pace, 1).contains("run time"));
+    // Nothing has fallen yet: the time of a grain is unknown.
+    let pace = Pace { particle_steps: 0.0, ..pace };
+    assert_eq!(run_time(&scene, &workload, &pace, 1), "\n");
 }
 
 /// Rain falls into a cup of triangles, with 24 sides and a bottom, and stays in it.

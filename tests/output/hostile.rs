@@ -243,6 +243,7 @@ fn heap(folder: &Path) -> (Scene, PathBuf) {
         last_step: 400,
         ends_stage: false,
         snapshot_every: 0,
+        snapshot_every_minutes: None,
         history_every: 0,
         stop: scene.stop.clone(),
         out: folder.into(),

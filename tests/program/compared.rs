@@ -165,6 +165,10 @@ snapshot_every = 100
 directory = \"unload\"
 ";
     fs::write(folder.join("next.toml"), next).unwrap();
+    let plan = dem_mpi(Launch::Alone, ["next.toml", "--plan"]).from(&folder).succeed();
+    plan.said_once("8 particles of load, step 300, 0.003000 s");
+    plan.said_once("8 in all (1 rank)");
+    plan.said_once("of contacts; 3 in all");
     dem_mpi(Launch::Alone, ["next.toml"]).from(&folder).succeed();
     // The order of the arguments does not matter for the origin.
     compare(&folder, &["unload", "load"], &[]).succeed();

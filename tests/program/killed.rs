@@ -38,6 +38,32 @@ fn killed_at_any_moment_a_run_goes_on_from_its_newest_snapshot() {
     );
 }
 
+/// Snapshots by the wall clock, in a run that has no others; a killed run goes on from one of them with equal bits.
+#[test]
+fn snapshots_by_the_clock() {
+    let directory = fresh_directory("clocked");
+    let out = directory.to_str().unwrap();
+    let heap_scene = &*scene("heap");
+    let [endless, every, minutes] = [
+        "time.steps=1_000_000_000",
+        "output.snapshot_every=0",
+        "output.snapshot_every_minutes=0.004",
+    ];
+    let set = ["--out", out, "--set", endless, "--set", every, "--set", minutes];
+    let mut running = dem_mpi(Launch::Ranks(2), [&[heap_scene], &set[..]].concat()).start();
+    let newest = || Reader::open(&directory).ok().map(|reader| reader.header().step);
+    running.until("a snapshot after the first", || newest() > Some(0));
+    let first = newest();
+    running.until("the next one", || newest() > first);
+    kill(running.rank(1).expect("the rank runs"));
+    running.end();
+    let (steps, whole) = heap_beyond(newest().unwrap());
+    let to_the_end = format!("time.steps={steps}");
+    let go_on = [heap_scene, "--out", out, "--start", out, "--set", &to_the_end];
+    dem_mpi(Launch::Alone, go_on).succeed();
+    assert_same_result(&whole.directory, &directory);
+}
+
 struct Killed {
     while_writing: bool,
     left_partial: bool,

@@ -17,6 +17,7 @@ mod reported;
 mod restarted;
 mod results;
 mod same_bits;
+mod scaled;
 mod signalled;
 mod stopped;
 mod suggested;

@@ -410,6 +410,15 @@ fn data_files_that_cannot_be_read() {
             data("-1 1 zlo zhi", "-1 1 zlo zhi\n0.1 0 xy xz yz"),
             "line 10: the tilts of a box are three",
         ),
+        (
+            data("-1 1 xlo xhi", "-1 xlo xhi\n0.1 0 0 xy xz yz"),
+            "line 7: `-1 xlo xhi` is not a side of the box: write `low high xlo xhi` with low below high",
+        ),
+        (data("-1 1 zlo zhi", "1 -1 zlo zhi"), "line 9: `1 -1 zlo zhi` is not a side of the box"),
+        (
+            data("-1 1 ylo yhi", "0.1  0  0  xy  xz  yz"),
+            "line 8: the box has the tilts 0.1, 0, 0 and not all of its sides: write `low high xlo xhi`",
+        ),
         (data("-1 1 xlo xhi", "1 0 0 avec"), "line 7: the edges of the box have any direction"),
         (
             data("# ellipsoid", "# molecular"),

@@ -360,6 +360,7 @@ fn every_key_arrives() {
     assert_eq!(scene.stop, stop);
     assert_eq!((scene.skin, scene.imbalance), (0.001, 1.5));
     assert_eq!((scene.snapshot_every, scene.history_every), (1000, 10));
+    assert_eq!(scene.snapshot_every_minutes, Some(30.0));
     assert_eq!(scene.out, Path::new("out/everything"));
     let rain = scene.rain.as_ref().expect("it rains");
     assert_eq!(rain.mix.cumulative, [(ShapeId(0), 0.25), (ShapeId(3), 1.0)]);

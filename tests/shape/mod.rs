@@ -2,6 +2,7 @@
 
 mod cut;
 mod kinds;
+mod rockable;
 mod sizes;
 mod solids;
 mod superellipsoids;

@@ -138,6 +138,7 @@ pub(crate) fn schedule(scene: &Scene, last_step: u64, out: &Path) -> Schedule {
         last_step,
         ends_stage: true,
         snapshot_every: 0,
+        snapshot_every_minutes: None,
         history_every: scene.history_every,
         stop: scene.stop.clone(),
         out: out.to_owned(),
