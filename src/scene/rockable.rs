@@ -87,7 +87,7 @@ fn bodies(text: &str) -> Result<Vec<Body<'_>>, String> {
                 }
                 "ne" => {
                     body.edges = words.count()?;
-                    (0..2 * body.edges).try_for_each(|_| words.count().map(drop))?;
+                    (0..body.edges.saturating_mul(2)).try_for_each(|_| words.count().map(drop))?;
                 }
                 "nf" => {
                     let face =
@@ -121,7 +121,7 @@ impl Body<'_> {
             }
             _ => {}
         }
-        if corners.len() + faces.len() != edges + 2 {
+        if corners.len() + faces.len() != edges.saturating_add(2) {
             return Err("its faces do not enclose a body".to_owned());
         }
         let size = corners.iter().flatten().fold(0.0, |most, x| f64::max(most, x.abs()));

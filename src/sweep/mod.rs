@@ -21,6 +21,7 @@ use crate::scene::{Scene, assemble};
 use crate::text::{MOST_NAMED, listed, print_error};
 use clap::Parser;
 pub use results::FIGURES;
+use results::{OF_POST, is_of_post};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
 use std::io::{self, Write as _};
@@ -54,10 +55,20 @@ pub struct Sweep {
     /// Change a value of the scene in all runs: path.to.key=value (may be repeated)
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Measures in the table, with commas between: columns of history.csv, with their last values, and figures of
-    /// report.json such as packing.coordination. Default: all columns of history.csv, without a plot
+    /// Measures in the table, with commas between: columns of history.csv, with their last values, figures of report.json
+    /// such as packing.coordination, and those of dem-post such as post.summary.solid_fraction. Default: all columns of
+    /// history.csv, without a plot
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     measure: Vec<String>,
+    /// Options of dem-post for measures that begin with `post.`, such as "--slope radial"
+    #[arg(
+        long,
+        value_name = "OPTIONS",
+        default_value = "",
+        hide_default_value = true,
+        allow_hyphen_values = true
+    )]
+    post: String,
     /// The folder for the table and the folders of the runs. Default: the scene's output.directory with `_sweep` behind it
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -134,7 +145,7 @@ impl Sweep {
         for job in &mut jobs {
             job.take_up()?;
             if job.state.status.is_over() {
-                job.measured = results::measured(&job.folder, &names);
+                job.measure(&names, &self.post);
             }
         }
         let _held_until_the_end =
@@ -192,9 +203,11 @@ impl Sweep {
         for name in &self.measure {
             let is_there = |columns: &[String]| columns.contains(name);
             let lacking = jobs.iter().find(|(_, columns)| !is_there(columns));
-            if let Some((job, columns)) = lacking.filter(|_| !FIGURES.contains(&&**name)) {
+            if let Some((job, columns)) =
+                lacking.filter(|_| !FIGURES.contains(&&**name) && !is_of_post(name))
+            {
                 return Err(format!(
-                    "--measure {name}: run {} has no such column in history.csv and no such figure in report.json. Columns are {}; figures are {}",
+                    "--measure {name}: run {} has no such column in history.csv and no such figure in report.json. Columns are {}; figures are {}; those of dem-post begin with `{OF_POST}`",
                     job.combination.name,
                     columns.join(", "),
                     FIGURES.join(", ")
@@ -235,6 +248,35 @@ impl Job {
         } else {
             Err(format!("{} has a run of another scene: {cure}", folder.display()))
         }
+    }
+
+    /// Reads the measures of a run that is over, those of dem-post after a call of it. A failure is told, and its cells stay
+    /// empty.
+    fn measure(&mut self, names: &[String], options: &str) {
+        if names.iter().any(|name| is_of_post(name))
+            && let Err(error) = self.call_dem_post(options)
+        {
+            print_error(format_args!("{}: {error}", self.combination.name));
+        }
+        self.measured = results::measured(&self.folder, names);
+        for (name, _) in names.iter().zip(&self.measured).filter(|(_, found)| found.is_none()) {
+            print_error(format_args!("{}: there is no number `{name}`", self.combination.name));
+        }
+    }
+
+    fn call_dem_post(&self, options: &str) -> io::Result<()> {
+        let program = std::env::current_exe()?.with_file_name("dem-post");
+        // Figures of an earlier call, with other options.
+        let _ = fs::remove_file(results::of_post(&self.folder));
+        let mut command = Command::new(&program);
+        command.args(options.split_whitespace()).arg("--").arg(&self.folder);
+        let done = command.stdin(Stdio::null()).output().map_err(|error| {
+            io::Error::other(format!("{} cannot be started: {error}", program.display()))
+        })?;
+        if done.status.success() {
+            return Ok(());
+        }
+        Err(io::Error::other(String::from_utf8_lossy(&done.stderr).trim().to_owned()))
     }
 
     fn store(&self) -> io::Result<()> {
@@ -381,9 +423,9 @@ impl Running<'_> {
             one.state.status = status;
             one.state.wall_s += seconds;
             one.store()?;
-            let name = &one.combination.name;
+            let name = one.combination.name.clone();
             if status.is_over() {
-                one.measured = results::measured(&one.folder, self.names);
+                one.measure(self.names, &self.order.post);
                 print_error(format_args!(
                     "{} of {count}: {name} is {} after {seconds:.1} s",
                     over + 1,

@@ -11,7 +11,7 @@ use crate::post::shown::draw::{
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::io::{self, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Figures of `report.json` that a sweep can measure, by the names of the keys that lead to them.
 pub const FIGURES: [&str; 33] = [
@@ -60,13 +60,34 @@ pub(super) struct Row<'a> {
     pub(super) measured: &'a [Option<f64>],
 }
 
-/// The last values of these columns of `history.csv`, or these figures of `report.json`.
+/// Beginning of the names of figures of dem-post.
+pub(super) const OF_POST: &str = "post.";
+
+/// Whether a measure is a figure of dem-post.
+pub(super) fn is_of_post(name: &str) -> bool {
+    name.starts_with(OF_POST)
+}
+
+/// Report of dem-post on a run.
+pub(super) fn of_post(folder: &Path) -> PathBuf {
+    folder.join("post").join("report.json")
+}
+
+/// The last values of these columns of `history.csv`, or these figures of `report.json` or of that of dem-post.
 pub(super) fn measured(folder: &Path, names: &[String]) -> Vec<Option<f64>> {
     let last = last_row(&folder.join("history.csv")).unwrap_or_default();
-    let report = files::read_to_string(&Report::path(folder)).unwrap_or_default();
-    let report: Value = serde_json::from_str(&report).unwrap_or_default();
+    let read = |path: &Path| -> Value {
+        let text = files::read_to_string(path).unwrap_or_default();
+        serde_json::from_str(&text).unwrap_or_default()
+    };
+    let of_run = read(&Report::path(folder));
+    let of_post = read(&of_post(folder));
     let one = |name: &String| {
-        let figure = || name.split('.').try_fold(&report, |value, key| value.get(key))?.as_f64();
+        let (report, keys) = match name.strip_prefix(OF_POST) {
+            Some(keys) => (of_post.get(0)?, keys),
+            None => (&of_run, &**name),
+        };
+        let figure = || keys.split('.').try_fold(report, |value, key| value.get(key))?.as_f64();
         last.get(name).copied().or_else(figure)
     };
     names.iter().map(one).collect()

@@ -222,3 +222,29 @@ fn a_stopped_sweep_goes_on() {
         ["history.csv", "again/history.csv"].map(|f| fs::read(folder.join(f)).unwrap());
     assert!(history == again, "another history");
 }
+
+/// Figures of dem-post stand in the table, by its options. An option that is wrong is told, and its cell stays empty.
+#[test]
+fn figures_of_dem_post_stand_in_the_table() {
+    let directory = fresh_directory("sweep_post");
+    falling(&directory, "");
+    let names = "post.summary.volume_m3,post.summary.particles,post.summary.nothing,top_m";
+    let region = |bounds: &str| {
+        let options = format!("--region {bounds}");
+        let more = ["--vary", "seed=1..2", "--measure", names, "--post", &options];
+        (sweep(&directory, &more).end(), table(&directory))
+    };
+    let (ended, rows) = region("0,1,0.25,0.75,0,1.5");
+    ended.said_once("seed=2: there is no number `post.summary.nothing`");
+    for row in &rows {
+        assert_eq!(number(row, "post.summary.volume_m3"), 0.75, "{row:?}");
+        assert_eq!(number(row, "post.summary.particles"), 1.0, "{row:?}");
+        assert!(row["post.summary.nothing"].is_empty() && number(row, "top_m") > 0.5, "{row:?}");
+    }
+    // Runs that are done are measured again.
+    let (_, rows) = region("0,1,0,1,0,1.25");
+    assert!(rows.iter().all(|row| number(row, "post.summary.volume_m3") == 1.25), "{rows:?}");
+    let (ended, rows) = region("0,1");
+    assert!(ended.said().contains("--region"), "{}", ended.said());
+    assert!(rows.iter().all(|row| row["post.summary.volume_m3"].is_empty()), "{rows:?}");
+}
