@@ -202,7 +202,7 @@ fn slow(by: By, friction: f64, fraction: f64, rate: f64) -> Steady {
         stiffness: 1e4,
         friction,
         restitution: 0.7,
-        dt: 2.5e-6,
+        dt: 4e-6,
         strains: [2.0, 5.0],
     };
     flow.steady()
