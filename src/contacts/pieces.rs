@@ -33,23 +33,30 @@ fn has_piece(Pair { a, b }: Pair, particles: &Particles) -> bool {
 /// Two bodies, or one and a wall ([`wall_or`]).
 type Bodies = (Slot, Slot);
 
-/// Rows of pairs with pieces, by their bodies; only bodies with several rows.
-fn by_bodies(rows: impl Iterator<Item = (usize, Pair)>, particles: &Particles) -> Vec<Vec<usize>> {
-    let mut all: BTreeMap<Bodies, Vec<usize>> = BTreeMap::new();
-    for (row, pair) in rows.filter(|&(_, pair)| has_piece(pair, particles)) {
-        let Pair { a, b } = pair;
-        let bodies = (particles.body_of(a), wall_or(particles.body_of(b), particles));
-        all.entry(bodies).or_default().push(row);
-    }
-    all.into_values().filter(|rows| rows.len() > 1).collect()
+/// Pairs with pieces, with their rows, in the order of their bodies.
+fn by_bodies(pairs: impl Iterator<Item = Pair>, particles: &Particles) -> Vec<(Bodies, usize)> {
+    let of_row = |(row, pair): (usize, Pair)| {
+        let Pair { a, b } = particles.bodies_of(pair);
+        ((a, wall_or(b, particles)), row)
+    };
+    let with_pieces = pairs.enumerate().filter(|&(_, pair)| has_piece(pair, particles));
+    let mut all: Vec<(Bodies, usize)> = with_pieces.map(of_row).collect();
+    all.sort_unstable();
+    all
+}
+
+/// Rows of each two bodies with several rows.
+fn several(all: &[(Bodies, usize)]) -> impl Iterator<Item = &[(Bodies, usize)]> {
+    all.chunk_by(|(one, _), (other, _)| one == other).filter(|rows| rows.len() > 1)
 }
 
 /// Merges the contacts of each place into one.
 pub(super) fn merge(touching: &mut Touching, pairs: &[Pair], particles: &Particles) {
     let of_rows: Vec<Pair> = touching.pair.iter().map(|&pair| pairs[pair as usize]).collect();
-    let rows = of_rows.iter().copied().enumerate();
+    let all = by_bodies(of_rows.iter().copied(), particles);
     let mut stays = vec![true; touching.len()];
-    for mut rows in by_bodies(rows, particles) {
+    for rows in several(&all) {
+        let mut rows: Vec<usize> = rows.iter().map(|&(_, row)| row).collect();
         rows.sort_unstable_by_key(|&row| touching.pair[row]);
         let is_on_plane =
             |pair: Pair| matches!(particles.bodies().shape_of(pair.b), Shape::HalfSpace(_));
@@ -178,14 +185,13 @@ fn share_depth(rows: &[usize], touching: &mut Touching, of_rows: &[Pair], partic
         rows.iter().map(|&row| touching.geometry[row].overlap / deepest).collect();
     let are_one =
         |i: usize, j: usize| oneness(of_rows[rows[i]], of_rows[rows[j]], particles) >= ONE;
-    let with: Vec<Vec<usize>> =
-        (0..count).map(|i| (0..count).filter(|&j| are_one(i, j)).collect()).collect();
+    let with = |i: usize| (0..count).filter(move |&j| are_one(i, j));
     let eighth = |i: usize| parts[i].powi(8);
-    let sums: Vec<f64> = with.iter().map(|ones| ones.iter().map(|&j| eighth(j)).sum()).collect();
+    let sums: Vec<f64> = (0..count).map(|i| with(i).map(eighth).sum()).collect();
     let root = |i: usize| (sums[i] * sums[i] * sums[i]).sqrt().sqrt();
-    for i in (0..count).filter(|&i| with[i].len() > 1) {
+    for i in (0..count).filter(|&i| with(i).nth(1).is_some()) {
         let thickness = parts[i].powi(4) / root(i).sqrt();
-        let others: f64 = with[i].iter().map(|&j| eighth(j) / (sums[j] * root(j))).sum();
+        let others: f64 = with(i).map(|j| eighth(j) / (sums[j] * root(j))).sum();
         let force = 4.0 * parts[i].powi(7) * (1.0 / root(i) - 0.75 * others);
         touching.geometry[rows[i]].overlap = thickness * deepest;
         if let Some(patch) = touching.patch.get_mut(rows[i]) {
@@ -225,10 +231,10 @@ pub(super) fn shares(
         let is_faced = have_faces(pairs[row], particles);
         if is_faced { 1.0 } else { patches[row].gain * patches[row].gain }
     };
-    for rows in by_bodies(pairs.iter().copied().enumerate(), particles) {
-        for &row in &rows {
+    for rows in several(&by_bodies(pairs.iter().copied(), particles)) {
+        for &(_, row) in rows {
             let own = &geometry[row];
-            let like = |&other: &usize| {
+            let like = |&(_, other): &(Bodies, usize)| {
                 let Geometry { normal, overlap } = &geometry[other];
                 let cosine = normal.dot(&own.normal).max(0.0);
                 part(other) * (overlap / own.overlap).clamp(0.0, 1.0) * cosine * cosine

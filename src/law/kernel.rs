@@ -875,9 +875,7 @@ impl<M: Model> Contacts<'_, '_, M> {
         let Motion { velocity, last_velocity, turning, .. } = *motion;
         let GeometryInLanes { normal, .. } = *now;
         let mut contact = motion.contact(last, now, dt).timed(law.model.outlives(constants));
-        if M::FORESEES
-            && let Some(LastForce { viscous: Some(last), .. }) = acted
-        {
+        if let Some(LastForce { viscous: Some(last), .. }) = acted {
             contact.last_viscous = last;
         }
         let mut before = law.model.last(of_last, last.overlap, state);

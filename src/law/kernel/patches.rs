@@ -170,7 +170,11 @@ impl Motion {
         let spin = [pair.a, pair.b].map(|slot| particles.angular_velocity_of(slot));
         let belt = normals.map(|normal| particles.belt_at(pair.b, normal));
         let with_wall = pair.b.index() >= particles.first_facet();
-        let ahead = if dt > 0.0 { bodies.map(|k| particles.ahead_of(k)) } else { NO_GAINS };
+        let ahead = if particles.needs.ahead && dt > 0.0 {
+            bodies.map(|k| particles.ahead_of(k))
+        } else {
+            NO_GAINS
+        };
         let last = r - (velocity[1] - velocity[0]) * dt;
         Self { r: [r, last], velocity, spin, ahead, belt, with_wall }
     }
