@@ -25,7 +25,8 @@ fn of_pieces(piece: &str, places: &[[f64; 3]], rest: &str) -> String {
 }
 
 /// Bodies that land on one to four feet at once, and flat on faces. Each foot has its spring, and the body has the requested restitution.
-/// Feet that overlap press nearly as one, with the requested restitution, too. Blocks in steps of 1/100 of the contact deviate by the time step's error of the dashpots.
+/// Feet that overlap press nearly as one, and the body has the requested restitution, too. Blocks in steps of 1/100 of the contact deviate
+/// by the time step's error of the dashpots.
 #[test]
 fn bodies_bounce_alike_on_any_number_of_feet() {
     let feet = |apart: f64| {
